@@ -86,8 +86,12 @@ def ros(
     viewpoints: Annotated[
         int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
     ] = 40,
-    sim_time: Annotated[
-        bool, typer.Option("--sim-time", help="Take the time from /clock (use_sim_time).")
+    publish_tf: Annotated[
+        bool,
+        typer.Option(
+            "--publish-tf",
+            help="Publish map -> odom on /tf, if no other localization of the robot does.",
+        ),
     ] = False,
     radius: Radius = 0.2,
     height: Height = 1.2,
@@ -129,6 +133,8 @@ def ros(
     )
     if odometry and pose:
         raise ValueError("give either --odometry or --pose")
+    if publish_tf and not locate:
+        raise ValueError("--publish-tf: with --no-locate, the poses are in the map already")
     config = NodeConfig(
         map_path=map_path,
         topics=topics,
@@ -140,9 +146,9 @@ def ros(
         record=record,
         rate_hz=rate,
         max_viewpoints=viewpoints,
-        sim_time=sim_time,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
+        publish_tf=publish_tf,
         ros_arguments=tuple(ros_arguments or ()),
     )
     stop = threading.Event()

@@ -67,8 +67,8 @@ class NodeConfig(BaseModel):
         rate_hz: Maximum number of frames per second that are compared with the map.
         max_viewpoints: Maximum number of viewpoints of a round.
         body: Size of the robot.
-        sim_time: Take the time from /clock.
         threads: 0 uses all hardware threads.
+        publish_tf: Publish the transform from `map` to the frame of the poses.
         ros_arguments: Arguments of ROS, such as --ros-args -p use_sim_time:=true.
     """
 
@@ -85,8 +85,8 @@ class NodeConfig(BaseModel):
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 4.0
     max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40
     body: RobotBody = RobotBody()
-    sim_time: bool = False
     threads: Annotated[int, Field(ge=0)] = 0
+    publish_tf: bool = False
     ros_arguments: tuple[str, ...] = ()
 
 

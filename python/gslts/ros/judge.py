@@ -31,11 +31,13 @@ class Judged:
         frame: Placed in the map, or with a fault.
         found: Its localization; None if frames are not localized.
         latency_s: Time from its stamp to the result, s.
+        map_from_odometry: [4,4] correction of the odometry by the last localized frame, m.
     """
 
     frame: RgbdFrame
     found: Localization | None
     latency_s: float
+    map_from_odometry: Floats
 
 
 class Judge:
@@ -133,4 +135,4 @@ class Judge:
             self._watch(placed)
         latency_s = self._now_s() - frame.time_s
         is_key = self._memory.add(placed)
-        self._on_judged(Judged(placed, found, latency_s), is_key)
+        self._on_judged(Judged(placed, found, latency_s, self._correction), is_key)

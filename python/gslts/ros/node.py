@@ -16,7 +16,6 @@ try:
     from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
     from nav_msgs.msg import OccupancyGrid, Odometry
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.parameter import Parameter
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.serialization import deserialize_message
     from rclpy.signals import SignalHandlerOptions
@@ -40,7 +39,7 @@ from gslts.ros.judge import Judged
 from gslts.ros.live_poses import LivePoses, NoPoses, TfPoses, TopicPoses
 from gslts.ros.markers import change_markers
 from gslts.ros.operation import Operation
-from gslts.ros.pose_message import localized_pose_message, pose_message
+from gslts.ros.pose_message import localized_pose_message, pose_message, transform_message
 from gslts.ros.problems import Problems
 from gslts.ros.requests import Kind, Request
 from gslts.ros.robot import yaw_pose
@@ -67,8 +66,7 @@ class GsltsNode:
     """
 
     def __init__(self, config: NodeConfig, stop: threading.Event) -> None:
-        clock = [Parameter("use_sim_time", value=True)] if config.sim_time else []
-        self.node = node = rclpy.create_node("gslts", parameter_overrides=clock)
+        self.node = node = rclpy.create_node("gslts")
         self._config = config
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
@@ -202,6 +200,7 @@ class GsltsNode:
         self._view = node.create_publisher(Image, "gslts/view", qos_profile_sensor_data)
         self._answers = node.create_publisher(String, "gslts/answer", QUEUE)
         self._events = node.create_publisher(String, "gslts/events", QUEUE)
+        self._tf: Any = self._publisher_of_tf() if self._config.publish_tf else None
         self._diagnostics, self._detections = None, None
         try:
             from diagnostic_msgs.msg import DiagnosticArray
@@ -216,6 +215,19 @@ class GsltsNode:
         except ImportError:
             node.get_logger().info("no gslts/detections: vision_msgs cannot be imported")
 
+    def _publisher_of_tf(self) -> Any:
+        try:
+            from tf2_msgs.msg import TFMessage
+        except ImportError:
+            raise ImportError("--publish-tf needs tf2_msgs, which this ROS lacks") from None
+        return self.node.create_publisher(TFMessage, "/tf", QUEUE)
+
+    def _publish_tf(self, header: Header, map_from_odometry: Floats) -> None:
+        from tf2_msgs.msg import TFMessage
+
+        transform = transform_message(header, self._poses.world, map_from_odometry)
+        self._tf.publish(TFMessage(transforms=[transform]))
+
     def judged(self, judged: Judged, gaussian_map: GaussianMap | None) -> None:
         """Publish the pose of a frame, and a rendering there; see `Outbox.judged`."""
         self._latencies_s = [*self._latencies_s[-99:], judged.latency_s]
@@ -227,6 +239,8 @@ class GsltsNode:
         covariance = np.zeros((6, 6))
         if found is not None and found.covariance is not None:
             covariance = found.covariance
+        if self._tf is not None and self._poses.world:
+            self._publish_tf(header, judged.map_from_odometry)
         pose = frame.camera.world_from_camera
         self._pose.publish(localized_pose_message(header, pose, covariance))
         now_s = self.now_s()
@@ -301,7 +315,8 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
     """
     # The signal handlers of rclpy would end publishers while they are in use.
     try:
-        rclpy.init(args=config.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        arguments = list(config.ros_arguments)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         given, reason = " ".join(config.ros_arguments), str(error).partition(", at ")[0]
         raise ValueError(f"arguments of ROS: {given}: {reason}") from None

@@ -12,6 +12,7 @@ from gslts.ros.answers import failure_answer, query_answer
 from gslts.ros.constants import MAX_REQUESTS
 from gslts.ros.outbox import Outbox
 from gslts.semantics.queries import SemanticQueries
+from gslts.store.history import open_history
 
 
 class QueryLane:
@@ -66,4 +67,6 @@ class QueryLane:
             queries = SemanticQueries(gaussian_map, semantics.autoencoder, semantics.source)
             self._made = gaussian_map, queries
         found = self._made[1].find(words)
-        return query_answer(words, "map", self._keeper.version.number, found)
+        with open_history(self._map_path) as history:  # SQLite serves the thread that opened it.
+            version = history.version().number
+        return query_answer(words, "map", version, found)

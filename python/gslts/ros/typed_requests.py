@@ -29,6 +29,7 @@ FEEDBACK_S = 1.0
 POLL_S, LAST_TURNS = 0.1, 5
 """Maximum time of a turn of the executor without work, s, and number of turns after the end."""
 ENDING = "the node ends"
+"""Reason for not answering."""
 Answer = dict[str, Any]
 
 

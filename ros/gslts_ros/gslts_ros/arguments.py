@@ -10,7 +10,7 @@ ARGUMENTS = {
     "depth_info": "Topic of the intrinsics of a depth image that is not registered.",
     "odometry": "Topic of poses: nav_msgs/Odometry. Without odometry and pose: tf.",
     "pose": "Topic of poses: geometry_msgs/PoseStamped.",
-    "mount": "Pose of the optical frame in the frame of the poses, x,y,z,roll,pitch,yaw, m and rad.",
+    "mount": "Pose of the optical frame in that of the poses, x,y,z,roll,pitch,yaw, m and rad.",
     "world": "Frame of tf for the poses; default: odom, or map with locate:=false.",
     "locate": "true: localize images in the map; false: the poses are those of the map.",
     "labels": "Topic of instance images (16UC1) of a segmentation node.",
@@ -20,6 +20,7 @@ ARGUMENTS = {
     "build": "true: build the map from what the robot sees if there is none.",
     "record": "Folder for a recording of the frames, for gslts map.",
     "rate": "Maximum number of frames per second that are compared with the map.",
+    "publish_tf": "true: publish map -> odom on /tf, if no other localization of the robot does.",
     "viewpoints": "Maximum number of viewpoints of a round.",
     "radius": "Radius of the robot, m.",
     "height": "Height of the robot, m.",
@@ -27,7 +28,7 @@ ARGUMENTS = {
     "threads": "Number of threads; 0 uses all.",
 }
 """Options of `gslts ros` by name, with `_` for `-`; empty ones keep the default of the node."""
-SWITCHES = ("active", "build")
+SWITCHES = ("active", "build", "publish_tf")
 """Options that are given or not."""
 
 

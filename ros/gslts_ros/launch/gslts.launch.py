@@ -4,13 +4,12 @@ from pathlib import Path
 
 import yaml
 from ament_index_python.packages import get_package_share_directory
+from gslts_ros.arguments import ARGUMENTS, command_line
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-
-from gslts_ros.arguments import ARGUMENTS, command_line
 
 SHARE = Path(get_package_share_directory("gslts_ros"))
 STOP_S = "30"
