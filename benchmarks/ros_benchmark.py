@@ -75,7 +75,7 @@ STAMP = slice(4, 12)
 
 @dataclass
 class Observation:
-    """What is seen of the node from outside.
+    """Measurements of the node from outside.
 
     Attributes:
         times_s: Of the samples, from the end of the warm-up.
