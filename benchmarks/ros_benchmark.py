@@ -63,8 +63,8 @@ PATH_FRAMES, STILL_FRAMES = 450, 30
 """Numbers of frames that are published again and again: 15 s of motion, and 1 s of noise."""
 TILT_RAD = 0.35
 """Angle of the camera below the horizon, rad."""
-WARM_UP_S = 30.0
-"""Time after the first localized frame that does not count, s: caches fill."""
+WARM_UP_S = 120.0
+"""Time after the first localized frame that does not count, s: the memory of keyframes fills."""
 SAMPLE_S = 1.0
 """Time between two measurements of the process, s."""
 START_S = 300.0
