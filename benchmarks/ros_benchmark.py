@@ -63,8 +63,8 @@ PATH_FRAMES, STILL_FRAMES = 450, 30
 """Numbers of frames that are published again and again: 15 s of motion, and 1 s of noise."""
 TILT_RAD = 0.35
 """Angle of the camera below the horizon, rad."""
-WARM_UP_S = 30.0
-"""Time after the first localized frame that does not count, s: caches fill."""
+WARM_UP_S = 120.0
+"""Time after the first localized frame that does not count, s: the memory of keyframes fills."""
 SAMPLE_S = 1.0
 """Time between two measurements of the process, s."""
 START_S = 300.0
@@ -82,14 +82,18 @@ class Observation:
         cpu_s: CPU time of the process since its start, s, at each.
         rss_mib: Resident memory at each, MiB.
         latencies_s: From the stamp of a localized frame to its pose.
-        frames: Last numbers of frames from /diagnostics.
+        sent: Number of frames sent, at each.
+        frames: Numbers of frames from the last /diagnostics, at each.
+        newest: The last one of these.
     """
 
     times_s: list[float] = field(default_factory=list)
     cpu_s: list[float] = field(default_factory=list)
     rss_mib: list[float] = field(default_factory=list)
     latencies_s: list[float] = field(default_factory=list)
-    frames: dict[str, str] = field(default_factory=dict)
+    sent: list[int] = field(default_factory=list)
+    frames: list[dict[str, str]] = field(default_factory=list)
+    newest: dict[str, str] = field(default_factory=dict)
 
 
 def path_poses(home: Home, seed: int) -> list[PlanarPose]:
@@ -204,13 +208,15 @@ def subscribe(node: Any, seen: Observation) -> None:
     def on_diagnostics(message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == "gslts: frames":
-                seen.frames = {pair.key: pair.value for pair in status.values}
+                seen.newest = {pair.key: pair.value for pair in status.values}
 
     node.create_subscription(PoseWithCovarianceStamped, "/gslts/pose", on_pose, 10)
     node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, 10)
 
 
-def observe(process: subprocess.Popen[bytes], seen: Observation, minutes: float) -> None:
+def observe(
+    process: subprocess.Popen[bytes], publisher: Publisher, seen: Observation, minutes: float
+) -> None:
     """Measure the process of the node, after a warm-up."""
     watched, give_up_s = psutil.Process(process.pid), time.monotonic() + START_S
     while not seen.latencies_s:
@@ -229,16 +235,23 @@ def observe(process: subprocess.Popen[bytes], seen: Observation, minutes: float)
                 seen.rss_mib.append(watched.memory_info().rss / 2**20)
             seen.times_s.append(now_s)
             seen.cpu_s.append(used.user + used.system)
+            seen.sent.append(publisher.sent)
+            seen.frames.append(seen.newest)
             bar.update(round(now_s) - bar.n)
             time.sleep(SAMPLE_S)
 
 
-def numbers_of(seen: Observation, sent: int, versions: int) -> dict[str, float]:
+def numbers_of(seen: Observation, versions: int) -> dict[str, float]:
     """Return the results."""
     seconds = seen.times_s[-1] - seen.times_s[0]
     part = max(1, len(seen.rss_mib) // 10)
     first, last = (float(np.median(mib)) for mib in (seen.rss_mib[:part], seen.rss_mib[-part:]))
     latencies_ms = 1000 * np.array(seen.latencies_s)
+
+    def counted(name: str) -> float:
+        first, last = (float(seen.frames[k].get(name, "nan")) for k in (0, -1))
+        return last - first
+
     return {
         "CPU, cores": (seen.cpu_s[-1] - seen.cpu_s[0]) / seconds,
         "memory in the first tenth, MiB": first,
@@ -248,10 +261,8 @@ def numbers_of(seen: Observation, sent: int, versions: int) -> dict[str, float]:
         "frames localized per s": len(latencies_ms) / seconds,
         "latency, median, ms": float(np.median(latencies_ms)),
         "latency, 95 %, ms": float(np.quantile(latencies_ms, 0.95)),
-        "frames sent": sent,
-        "frames received": float(seen.frames.get("received", "nan")),
-        "frames dropped by the node": float(seen.frames.get("dropped", "nan")),
-        "frames judged": float(seen.frames.get("judged", "nan")),
+        "frames sent": seen.sent[-1] - seen.sent[0],
+        **{f"frames {name}": counted(name) for name in ("received", "dropped", "judged")},
         "versions published": versions,
     }
 
@@ -273,7 +284,7 @@ def measure(home_map: Path, frames: Path, work: Path, minutes: float) -> dict[st
     try:
         spinning.start()
         publisher.thread.start()
-        observe(process, seen, minutes)
+        observe(process, publisher, seen, minutes)
     finally:
         process.send_signal(signal.SIGINT)
         process.wait()
@@ -283,7 +294,7 @@ def measure(home_map: Path, frames: Path, work: Path, minutes: float) -> dict[st
         spinning.join()
         node.destroy_node()
         rclpy.shutdown()
-    return numbers_of(seen, publisher.sent, _versions(live) - _versions(home_map))
+    return numbers_of(seen, _versions(live) - _versions(home_map))
 
 
 def _versions(folder: Path) -> int:

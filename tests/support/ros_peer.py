@@ -187,6 +187,7 @@ def ended(process: subprocess.Popen[str], number: signal.Signals) -> tuple[int, 
 
 def _environment(domain: int) -> dict[str, str]:
     local = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    local["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "python/gslts_sim/ros/fastdds.xml")
     return {**os.environ, **local, "NO_COLOR": "1", "COLUMNS": "200"}
 
 

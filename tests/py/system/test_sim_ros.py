@@ -128,14 +128,15 @@ def test_the_robot_drives_to_a_goal_by_its_odometry(ros: Ros) -> None:
     assert floor_of(make_home("bedroom", 2)).is_free(true[:2, 3])
 
 
-def test_odometry_comes_at_25_hz(ros: Ros) -> None:
+def test_odometry_is_stamped_by_the_ticks_of_the_robot(ros: Ros) -> None:
     ros.take("/odom")
     messages: list[Message] = []
     while len(messages) < 10:
         messages += ros.take("/odom")
-    assert np.diff([stamp(message) for message in messages]).tolist() == [40_000_000] * (
-        len(messages) - 1
-    )
+    # 25 Hz; on a busy machine some may get lost, or the robot pauses.
+    steps = np.diff([stamp(message) for message in messages])
+    assert (steps > 0).all()
+    assert (steps % 40_000_000 == 0).all()
 
 
 def test_goals_that_make_no_sense_are_ignored(ros: Ros) -> None:
