@@ -21,6 +21,7 @@ from gslts.cli.run import run
 from gslts.cli.semantics import semantics
 from gslts.cli.share import clone, pull, push
 from gslts.cli.update import update
+from gslts.cli.view import view
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -34,6 +35,7 @@ app.command("map")(mapping.make)
 app.command("eval")(judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
+app.command("view")(view)
 app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)

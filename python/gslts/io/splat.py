@@ -48,7 +48,7 @@ def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
     rows["mean"] = gaussian_map.means + gaussian_map.origin
     rows["scales"] = np.exp(log_scales)
     rows["rgba"] = _bytes(255 * np.column_stack([colors, opacities]))
-    rows["quat"] = _bytes(128 * _unit(gaussian_map.quats.astype(np.float64)) + 128)
+    rows["quat"] = _bytes(128 * unit_quats(gaussian_map.quats.astype(np.float64)) + 128)
     # The logarithm of opacity times volume, which cannot overflow.
     importance = log_scales.sum(axis=1) + np.log(np.maximum(opacities, 1e-300))
     write_atomic(path, rows[np.argsort(-importance, kind="stable")].tobytes())
@@ -64,7 +64,12 @@ def rounding_m(gaussian_map: GaussianMap) -> float:
     return float(np.spacing(np.float32(farthest_m)) / 2)
 
 
-def _unit(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_quats(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalize quaternions.
+
+    Args:
+        quats: [N,4] wxyz; one of length 0 means no rotation.
+    """
     lengths = np.linalg.norm(quats, axis=1, keepdims=True)
     rotated = lengths > MIN_QUAT_LENGTH
     return np.where(rotated, quats / np.where(rotated, lengths, 1), [1.0, 0, 0, 0])

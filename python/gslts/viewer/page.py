@@ -1,0 +1,393 @@
+"""A page: its panel, and the scene that one browser sees."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gslts.core.camera import Camera
+from gslts.core.se3 import inverse_transform, rotation_of_quat
+from gslts.navigation.semantic_map_files import draw_semantic_map
+from gslts.rendering.rasterizer import RenderOptions, render
+from gslts.semantics.queries import Instance
+from gslts.store.describe import describe_event
+from gslts.store.records import Track
+from gslts.types import Bytes, Floats
+from gslts.viewer.blocks import UNIT_M, Block, Cell
+from gslts.viewer.overlay import CAME, FOUND, MOVED, Overlay
+from gslts.viewer.viewed_map import ViewedMap
+
+MIN_COLOR_CHANGE = 4
+"""Colours of a block are sent again when their mean change is greater, in 1/255: below, another
+direction of view makes no visible difference."""
+BLOCKS_PER_MESSAGE = 16
+"""Number of blocks that are sent together at first, so that the nearest show early."""
+MAX_TEXT = 200
+"""Maximum length of a query; longer ones are cut."""
+MIN_ALPHA = 0.5
+"""Minimum opacity of what is clicked on."""
+ALL_EVENTS = "all of this version"
+
+
+class Page:
+    """One open page. Its work is done in a thread of its own: a page that asks much waits for it.
+
+    Args:
+        client: Of viser.
+        viewed: The map.
+        first_view: Camera from which the page looks first; None for a map without cameras.
+    """
+
+    def __init__(self, client: Any, viewed: ViewedMap, first_view: Camera | None) -> None:
+        self._client, self._map = client, viewed
+        self._overlay = Overlay(client.scene, viewed.origin)
+        self._blocks: dict[Cell, tuple[bytes, Bytes, Any]] = {}
+        self._shown = 0
+        self._answers: list[Instance] = []
+        self._tasks: dict[str, Callable[[], None]] = {}
+        self._changed = threading.Condition()
+        self._is_open = True
+        if first_view is not None:
+            pose = first_view.world_from_camera
+            client.camera.fov = float(2 * np.arctan(first_view.height / 2 / first_view.fy))
+            self._look(pose[:3, 3], pose[:3, 3] + 2 * pose[:3, 2])
+        self._build_panel()
+        self.post("show", self._show_version)
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def close(self) -> None:
+        """End the work for the page."""
+        with self._changed:
+            self._is_open = False
+            self._changed.notify()
+
+    def post(self, name: str, task: Callable[[], None]) -> None:
+        """Let something be done soon.
+
+        Args:
+            name: Of the task; one of the same name that has not begun is dropped.
+            task: To do.
+        """
+        with self._changed:
+            self._tasks[name] = task
+            self._changed.notify()
+
+    def follow(self) -> None:
+        """Tell the page that the map has new versions."""
+        self.post("follow", self._follow)
+
+    def report(self, problem: str) -> None:
+        """Show a problem.
+
+        Args:
+            problem: In words; "" for none.
+        """
+        self._status.content = f"<p><b>{escape(problem)}</b></p>" if problem else ""
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._tasks or not self._is_open)
+                if not self._is_open:
+                    return
+                task = self._tasks.pop(next(iter(self._tasks)))
+            try:
+                task()
+                self.report("")
+            except (OSError, ValueError, RuntimeError, ImportError) as error:
+                self.report(" ".join(str(error).split()))
+
+    def _build_panel(self) -> None:
+        gui, newest = self._client.gui, self._map.newest
+        self._status = gui.add_html("")
+        with gui.add_folder("Version"):
+            self._slider = gui.add_slider(
+                "Version", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
+            )
+            self._described = gui.add_html("")
+            self._following = gui.add_checkbox("Follow new versions", True)
+            play = gui.add_button("Play")
+        with gui.add_folder("Changes"):
+            self._before = gui.add_slider(
+                "Since", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
+            )
+            self._event = gui.add_dropdown("Object", (ALL_EVENTS,))
+            self._cameras = gui.add_checkbox("Cameras", False)
+        with gui.add_folder("Object"):
+            self._object = gui.add_html(_paragraphs(["Click on anything."]))
+        with gui.add_folder("Words"):
+            self._text = gui.add_text("Find", "")
+            find, go = gui.add_button("Find"), gui.add_button("Path there")
+            self._answer = gui.add_html("")
+        with gui.add_folder("Plan", expand_by_default=False):
+            draw = gui.add_button("Draw")
+            self._plan_image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), visible=False)
+        for control, name, task in (
+            (self._slider.on_update, "show", self._show_version),
+            (self._before.on_update, "changes", self._show_changes),
+            (self._event.on_update, "event", self._show_event),
+            (self._cameras.on_update, "cameras", self._show_cameras),
+            (self._following.on_update, "follow", self._follow),
+            (play.on_click, "play", self._play),
+            (find.on_click, "find", self._find),
+            (go.on_click, "find", self._go),
+            (draw.on_click, "plan", lambda: self._draw_plan(None)),
+            (self._client.camera.on_update, "colors", self._recolor),
+        ):
+            self._connect(control, name, task)
+
+        @self._client.scene.on_click()  # type: ignore[untyped-decorator]
+        async def _(event: Any) -> None:
+            ray = np.array(event.ray_origin), np.array(event.ray_direction)
+            self.post("click", lambda: self._show_object(*ray))
+
+    def _connect(self, control: Any, name: str, task: Callable[[], None]) -> None:
+        async def post(event: Any) -> None:
+            # Values that the program sets, such as the maximum of a slider, are no wish of anybody.
+            if getattr(event, "client", self._client) is not None:
+                self.post(name, task)
+
+        control(post)
+
+    @property
+    def _number(self) -> int:
+        return min(max(1, int(self._slider.value)), self._map.newest)
+
+    @property
+    def _eye(self) -> Floats:
+        """(3,) position of the viewer, relative to the origin of the map, m."""
+        eye = np.asarray(self._client.camera.position, np.float64)
+        return eye if np.isfinite(eye).all() else np.zeros(3)
+
+    def _show_version(self) -> None:
+        number = self._number
+        self._show_blocks(self._map.blocks(number))
+        is_new, self._shown = number != self._shown, number
+        self._described.content = _paragraphs(self._map.describe(number))
+        if is_new:
+            self._before.value = max(1, number - 1)
+            self._overlay.clear("object")
+            self._show_changes()
+        if self._cameras.value:
+            self._show_cameras()
+
+    def _show_blocks(self, blocks: dict[Cell, Block]) -> None:
+        """Send the blocks that differ from those of the page: the nearest in view first."""
+        eye, wanted = self._eye, []
+        for cell, block in blocks.items():
+            digest, colors, handle = self._blocks.get(cell, (b"", None, None))
+            new_colors = block.colors(eye)
+            is_same = digest == block.digest and (
+                np.abs(new_colors.astype(np.int16) - colors).mean() <= MIN_COLOR_CHANGE
+            )
+            if not is_same:
+                wanted.append((cell, block, new_colors, handle))
+        if not self._blocks:
+            forward = rotation_of_quat(np.asarray(self._client.camera.wxyz, np.float64))[:, 2]
+            wanted.sort(key=lambda entry: _priority(entry[1].middle - eye, forward))
+            for start in range(0, len(wanted), BLOCKS_PER_MESSAGE):
+                self._send(wanted[start : start + BLOCKS_PER_MESSAGE])
+                self._client.flush()
+            return
+        with self._client.atomic():
+            self._send(wanted)
+            for cell in self._blocks.keys() - blocks.keys():
+                self._blocks.pop(cell)[2].remove()
+
+    def _send(self, entries: Sequence[tuple[Cell, Block, Bytes, Any]]) -> None:
+        for cell, block, colors, handle in entries:
+            arrays = block.centers, block.covariances, colors, block.opacities
+            if handle is None:
+                name = "/map/" + "_".join(map(str, cell))
+                handle = self._client.scene.add_gaussian_splats(name, *arrays, scale=UNIT_M)
+            else:
+                handle.set_gaussians(*arrays)
+            self._blocks[cell] = block.digest, colors, handle
+
+    def _recolor(self) -> None:
+        if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
+            self._show_blocks(self._map.blocks(self._shown))
+
+    def _follow(self) -> None:
+        newest, was_newest = self._map.newest, self._slider.max
+        for slider in (self._slider, self._before):
+            slider.max, slider.disabled = newest, newest == 1
+        if self._following.value and newest > was_newest:
+            self._slider.value = newest
+            self._show_version()
+
+    def _play(self) -> None:
+        self._following.value = False
+        start = 1 if self._number == self._map.newest else self._number + 1
+        for number in range(start, self._map.newest + 1):
+            with self._changed:  # Whatever else is asked for ends it.
+                if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=1):
+                    return
+            self._slider.value = number
+            self._show_version()
+
+    def _show_changes(self) -> None:
+        self._overlay.clear("changes")
+        events = self._map.changes(min(self._before.value, self._map.newest), self._shown)
+        for track, event in events.values():
+            self._overlay.event("changes", event, track.name)
+        self._event.options = (ALL_EVENTS, *events)
+        self._event.value = ALL_EVENTS
+
+    def _show_event(self) -> None:
+        if self._event.value == ALL_EVENTS:
+            self._show_changes()
+            return
+        changes = self._map.changes(min(self._before.value, self._map.newest), self._shown)
+        track, event = changes[self._event.value]
+        self._overlay.clear("changes")
+        self._overlay.event("changes", event, track.name)
+        box = event.boxes[1] or event.boxes[0]
+        if box is not None:
+            self._look_at(np.mean(box, axis=0))
+
+    def _look_at(self, point: Floats) -> None:
+        """Move to the camera of the map that sees a point best."""
+        views = [
+            (float(np.linalg.norm(point - camera.world_from_camera[:3, 3])), camera)
+            for camera in self._map.cameras(self._shown)
+            if _is_in_view(camera, point)
+        ]
+        if views:
+            camera = min(views, key=lambda view: view[0])[1]
+            self._look(camera.world_from_camera[:3, 3], point)
+
+    def _look(self, position: Floats, target: Floats) -> None:
+        camera = self._client.camera
+        with self._client.atomic():
+            camera.up_direction = (0.0, 0.0, 1.0)
+            camera.position = position - self._map.origin
+            camera.look_at = target - self._map.origin
+
+    def _show_cameras(self) -> None:
+        self._overlay.clear("cameras")
+        if self._cameras.value:
+            self._overlay.cameras("cameras", self._map.cameras(self._shown))
+
+    def _show_object(self, origin: Floats, direction: Floats) -> None:
+        self._overlay.clear("object")
+        point = self._surface(origin, direction)
+        if point is None:
+            self._object.content = _paragraphs(["Nothing is there."])
+            return
+        track = self._map.track_at(self._shown, point)
+        lines = None if track is None else self._show_track(track)
+        if lines is None and self._map.has_words(self._shown):
+            lines = self._show_named(point)
+        position = f"({', '.join(f'{x:.2f}' for x in point)}) m"
+        self._object.content = _paragraphs([*(lines or ["Nothing known by a name."]), position])
+
+    def _show_track(self, track: Track) -> list[str]:
+        box = track.events[-1].boxes[1]
+        assert box is not None
+        self._overlay.box("object", box, CAME, track.name)
+        for event in track.events:
+            if event.boxes[0] is not None:
+                self._overlay.event("object", event, track.name)
+        since = [event for event in track.events if event.kind != "shift"]
+        first = f"there since version {since[-1].version}" if since else "there since version 1"
+        lines = [f"{event.version}: {describe_event(event, track.name)}" for event in track.events]
+        return [f"{track.name}, {_format_size(*box)}, {first}", *lines[::-1]]
+
+    def _show_named(self, point: Floats) -> list[str] | None:
+        found = self._map.name_at(self._shown, point)
+        if found is None:
+            return None
+        name, instance = found
+        if instance is None:
+            return [name]
+        self._overlay.box("object", (instance.low, instance.high), FOUND, name)
+        size = _format_size(instance.low, instance.high)
+        return [f"{name}, {size}, score {instance.score:.2f}", "no change is known of it"]
+
+    def _surface(self, origin: Floats, direction: Floats) -> Floats | None:
+        """Return the point (3,) in the world, m, that a ray of the page hits."""
+        length = float(np.linalg.norm(direction))
+        if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
+            return None
+        pose = np.eye(4)
+        pose[:3, 2] = direction / length
+        pose[:3, 0] = _orthogonal(pose[:3, 2])
+        pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+        pose[:3, 3] = origin + self._map.origin
+        # The middle pixel of an image as fine as that of the page.
+        focal_px = 500.0
+        ray = Camera(
+            fx=focal_px, fy=focal_px, cx=0.5, cy=0.5, width=1, height=1, world_from_camera=pose
+        )
+        images = render(self._map.gaussians(self._shown), ray, RenderOptions(threads=1))
+        if images.alpha[0, 0] < MIN_ALPHA:
+            return None
+        point: Floats = pose[:3, 3] + float(images.depth[0, 0]) * pose[:3, 2]
+        return point
+
+    def _find(self) -> None:
+        text = str(self._text.value)[:MAX_TEXT]
+        self._overlay.clear("words")
+        self._answers = self._map.find(self._shown, text)
+        for answer in self._answers:
+            label = f"{text} {answer.score:.2f}"
+            self._overlay.box("words", (answer.low, answer.high), FOUND, label)
+        lines = [
+            f"{answer.score:.2f}: {_format_size(answer.low, answer.high)}"
+            for answer in self._answers
+        ]
+        self._answer.content = _paragraphs(lines or [f"{text}: not found"])
+
+    def _go(self) -> None:
+        self._find()
+        if not self._answers:
+            return
+        start = (self._eye + self._map.origin)[:2]
+        path = self._map.path(self._shown, start, self._answers)
+        if path.reason:
+            self._answer.content += _paragraphs([f"no path from here: {path.reason}"])
+            return
+        floor_m = self._map.plan(self._shown).floor_m + 0.05
+        points = np.column_stack([path.points, np.full(len(path.points), floor_m)])
+        self._overlay.lines("words", np.stack([points[:-1], points[1:]], axis=1), MOVED)
+        self._answer.content += _paragraphs([f"path from here: {path.length_m:.1f} m"])
+        self._draw_plan(path.points)
+
+    def _draw_plan(self, path: Floats | None) -> None:
+        self._plan_image.image = draw_semantic_map(self._map.plan(self._shown), path)
+        self._plan_image.visible = True
+
+
+def _paragraphs(lines: Sequence[str]) -> str:
+    return "".join(f"<p style='margin:.2em 1em;font-size:.85em;line-height:1.3'>{escape(line)}</p>" for line in lines)
+
+
+def _format_size(low: Sequence[float] | Floats, high: Sequence[float] | Floats) -> str:
+    return " x ".join(f"{size:.2f}" for size in np.subtract(high, low)) + " m"
+
+
+def _priority(offset: Floats, forward: Floats) -> float:
+    """Return a number that is less for a block that is near and before the viewer."""
+    ahead = float(offset @ forward)
+    return float(np.linalg.norm(offset)) + (0 if ahead > 0 else 1e6)
+
+
+def _is_in_view(camera: Camera, point: Floats) -> bool:
+    x, y, z = inverse_transform(camera.world_from_camera, point[None])[0]
+    if z <= 0:
+        return False
+    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+    return bool(0 <= u < camera.width and 0 <= v < camera.height)
+
+
+def _orthogonal(direction: Floats) -> Floats:
+    """Return a unit vector at right angles to a direction."""
+    axis = np.eye(3)[np.argmin(np.abs(direction))]
+    side = np.cross(direction, axis)
+    result: Floats = side / np.linalg.norm(side)
+    return result
