@@ -15,12 +15,12 @@ from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.spherical_harmonics import colors_in_directions
 from gslts.io.splat import unit_quats
 from gslts.mapping.density.control import axes_of
-from gslts.types import Bytes, Floats
+from gslts.types import Bytes, Floats, Indices
 
 BLOCK_M = 0.5
 """Smallest edge of a block, m. A new version sends whole blocks: with smaller ones less than needed
 around an object, with larger ones more."""
-MAX_BLOCKS = 400
+MAX_BLOCKS = 600
 """Above this number of blocks their edge is doubled: each is an object of the page, which takes
 time there whatever its size."""
 UNIT_M = 0.01
@@ -65,7 +65,8 @@ class Block:
         """
         directions = self.centers * UNIT_M - eye
         colors = colors_in_directions(self.sh, directions)
-        return np.rint(255 * colors.clip(0, 1)).astype(np.uint8)
+        bytes_: Bytes = np.rint(255 * colors.clip(0, 1)).astype(np.uint8)
+        return bytes_
 
 
 def make_blocks(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Block]:
@@ -78,10 +79,6 @@ def make_blocks(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Block]:
     Returns:
         The blocks by cell.
     """
-    cells = np.floor(gaussian_map.means / edge_m).astype(np.int64)
-    keys, cell_of = np.unique(cells, axis=0, return_inverse=True)
-    order = np.argsort(cell_of.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(cell_of.ravel(), minlength=len(keys)))
     axes = axes_of(unit_quats(gaussian_map.quats.astype(np.float64)))
     axes *= np.exp(gaussian_map.log_scales)[:, :, None] / UNIT_M  # An axis per row.
     arrays = (
@@ -91,11 +88,30 @@ def make_blocks(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Block]:
         gaussian_map.sh,
     )
     result = {}
-    for key, start, end in zip(keys.tolist(), [0, *ends[:-1]], ends, strict=True):
-        own = [np.ascontiguousarray(array[order[start:end]]) for array in arrays]
-        digest = hashlib.blake2b(b"".join(array.tobytes() for array in own), digest_size=16)
-        result[key[0], key[1], key[2]] = Block(*own, digest.digest())
+    for cell, rows in rows_by_cell(gaussian_map, edge_m).items():
+        centers, covariances, opacities, sh = (np.ascontiguousarray(a[rows]) for a in arrays)
+        content = b"".join(a.tobytes() for a in (centers, covariances, opacities, sh))
+        digest = hashlib.blake2b(content, digest_size=16).digest()
+        result[cell] = Block(centers, covariances, opacities, sh, digest)
     return result
+
+
+def rows_by_cell(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Indices]:
+    """Sort Gaussians by the cell of their centres.
+
+    Args:
+        gaussian_map: Any map.
+        edge_m: Edge of a cell, m.
+
+    Returns:
+        Rows of the Gaussians of each cell, ascending.
+    """
+    cells = np.floor(gaussian_map.means / edge_m).astype(np.int64)
+    keys, cell_of = np.unique(cells, axis=0, return_inverse=True)
+    order = np.argsort(cell_of.ravel(), kind="stable")
+    ends = np.cumsum(np.bincount(cell_of.ravel(), minlength=len(keys)))
+    parts = np.split(order, ends[:-1])
+    return {(x, y, z): rows for (x, y, z), rows in zip(keys.tolist(), parts, strict=True)}
 
 
 def block_edge_m(gaussian_map: GaussianMap) -> float:

@@ -60,7 +60,9 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
     if token is None and host not in LOOPBACK:
         raise ValueError(f"--host {host}: others could look at the map; give a --token as well")
     if token is not None and not TOKEN.fullmatch(token):
-        raise ValueError(f"--token: must match {TOKEN.pattern}, such as that of: openssl rand -hex 16")
+        raise ValueError(
+            f"--token: must match {TOKEN.pattern}, such as that of: openssl rand -hex 16"
+        )
     rich.get_console().quiet = True  # viser greets on the terminal.
     try:
         bound = socket.create_server(

@@ -88,9 +88,8 @@ class Overlay:
             color: Of the box.
             text: Name.
         """
+        self.lines(group, box_edges(box), color)
         low, high = np.array(box[0]), np.array(box[1])
-        corners = np.array([np.where([c & 1, c & 2, c & 4], high, low) for c in range(8)])
-        self.lines(group, corners[EDGES], color)
         self.name(group, text, np.array([*((low + high) / 2)[:2], high[2]]))
 
     def event(self, group: str, event: ObjectEvent, text: str) -> None:
@@ -101,14 +100,12 @@ class Overlay:
             event: The change.
             text: Name of the object.
         """
-        before, after = event.boxes
-        moved = before is not None and after is not None
-        if before is not None:
-            self.box(group, before, MOVED if moved else GONE, f"{text}, before" if moved else text)
-        if after is not None:
-            self.box(group, after, MOVED if moved else CAME, text)
-        if before is not None and after is not None:
-            ends = np.array([np.mean(before, axis=0), np.mean(after, axis=0)]) - self._origin
+        boxes = boxes_of_event(event)
+        for box, color in boxes:
+            is_old = len(boxes) == 2 and box is event.boxes[0]
+            self.box(group, box, color, f"{text}, before" if is_old else text)
+        if len(boxes) == 2:
+            ends = np.array([np.mean(box, axis=0) for box, _ in boxes]) - self._origin
             handle = self._scene.add_arrows(
                 self._new_name(group),
                 ends[None],
@@ -133,6 +130,33 @@ class Overlay:
     def _new_name(self, group: str) -> str:
         drawn = self._groups.setdefault(group, [])
         return f"/{group}/{len(drawn)}"
+
+
+def boxes_of_event(event: ObjectEvent) -> list[tuple[Box, Color]]:
+    """Return where an object was and is, with colours that tell what happened.
+
+    Args:
+        event: The change.
+
+    Returns:
+        The known boxes: before the change, and after it.
+    """
+    before, after = event.boxes
+    if before is not None and after is not None:
+        return [(before, MOVED), (after, MOVED)]
+    return [(box, color) for box, color in ((before, GONE), (after, CAME)) if box is not None]
+
+
+def box_edges(box: Box | tuple[Floats, Floats]) -> Floats:
+    """Return the edges [12,2,3] of a box.
+
+    Args:
+        box: Lower and upper corner, m.
+    """
+    low, high = np.array(box[0]), np.array(box[1])
+    corners = np.array([np.where([c & 1, c & 2, c & 4], high, low) for c in range(8)])
+    edges: Floats = corners[EDGES]
+    return edges
 
 
 def _pyramid(camera: Camera) -> Floats:

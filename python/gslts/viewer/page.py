@@ -16,25 +16,25 @@ from gslts.rendering.rasterizer import RenderOptions, render
 from gslts.semantics.queries import Instance
 from gslts.store.describe import describe_event
 from gslts.store.records import Track
-from gslts.types import Bytes, Floats
-from gslts.viewer.blocks import UNIT_M, Block, Cell
+from gslts.types import Floats
+from gslts.viewer.blocks import Block, Cell
 from gslts.viewer.overlay import CAME, FOUND, MOVED, Overlay
+from gslts.viewer.splats import Splats
 from gslts.viewer.viewed_map import ViewedMap
 
-MIN_COLOR_CHANGE = 4
-"""Colours of a block are sent again when their mean change is greater, in 1/255: below, another
-direction of view makes no visible difference."""
-BLOCKS_PER_MESSAGE = 16
-"""Number of blocks that are sent together at first, so that the nearest show early."""
+FIRST_GAUSSIANS = 50_000
+"""Number of Gaussians that are sent first, so that the nearest in view show early. The page sorts
+all it has after each message: with more messages, all of a large map show later."""
 MAX_TEXT = 200
 """Maximum length of a query; longer ones are cut."""
 MIN_ALPHA = 0.5
 """Minimum opacity of what is clicked on."""
-ALL_EVENTS = "all of this version"
+ALL_EVENTS = "all between both versions"
+"""First entry of the list of changes."""
 
 
 class Page:
-    """One open page. Its work is done in a thread of its own: a page that asks much waits for it.
+    """An open page. Its work is done in a thread of its own: a page that asks much waits for it.
 
     Args:
         client: Of viser.
@@ -45,7 +45,7 @@ class Page:
     def __init__(self, client: Any, viewed: ViewedMap, first_view: Camera | None) -> None:
         self._client, self._map = client, viewed
         self._overlay = Overlay(client.scene, viewed.origin)
-        self._blocks: dict[Cell, tuple[bytes, Bytes, Any]] = {}
+        self._splats = Splats(client.scene)
         self._shown = 0
         self._answers: list[Instance] = []
         self._tasks: dict[str, Callable[[], None]] = {}
@@ -176,37 +176,20 @@ class Page:
             self._show_cameras()
 
     def _show_blocks(self, blocks: dict[Cell, Block]) -> None:
-        """Send the blocks that differ from those of the page: the nearest in view first."""
-        eye, wanted = self._eye, []
-        for cell, block in blocks.items():
-            digest, colors, handle = self._blocks.get(cell, (b"", None, None))
-            new_colors = block.colors(eye)
-            is_same = digest == block.digest and (
-                np.abs(new_colors.astype(np.int16) - colors).mean() <= MIN_COLOR_CHANGE
-            )
-            if not is_same:
-                wanted.append((cell, block, new_colors, handle))
-        if not self._blocks:
+        """Send the blocks that differ from those of the page; at first, the nearest in view."""
+        eye = self._eye
+        parts = [self._splats.changes(blocks, eye)]
+        if self._splats.is_empty:
             forward = rotation_of_quat(np.asarray(self._client.camera.wxyz, np.float64))[:, 2]
-            wanted.sort(key=lambda entry: _priority(entry[1].middle - eye, forward))
-            for start in range(0, len(wanted), BLOCKS_PER_MESSAGE):
-                self._send(wanted[start : start + BLOCKS_PER_MESSAGE])
-                self._client.flush()
-            return
-        with self._client.atomic():
-            self._send(wanted)
-            for cell in self._blocks.keys() - blocks.keys():
-                self._blocks.pop(cell)[2].remove()
-
-    def _send(self, entries: Sequence[tuple[Cell, Block, Bytes, Any]]) -> None:
-        for cell, block, colors, handle in entries:
-            arrays = block.centers, block.covariances, colors, block.opacities
-            if handle is None:
-                name = "/map/" + "_".join(map(str, cell))
-                handle = self._client.scene.add_gaussian_splats(name, *arrays, scale=UNIT_M)
-            else:
-                handle.set_gaussians(*arrays)
-            self._blocks[cell] = block.digest, colors, handle
+            parts[0].sort(key=lambda change: _priority(change[1].middle - eye, forward))
+            counts = np.cumsum([len(block.centers) for _, block, _ in parts[0]])
+            first = int(np.searchsorted(counts, FIRST_GAUSSIANS)) + 1
+            parts = [parts[0][:first], parts[0][first:]]
+        for part in parts:
+            with self._client.atomic():
+                self._splats.send(part)
+                self._splats.remove_others(blocks)
+            self._client.flush()
 
     def _recolor(self) -> None:
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
@@ -364,7 +347,10 @@ class Page:
 
 
 def _paragraphs(lines: Sequence[str]) -> str:
-    return "".join(f"<p style='margin:.2em 1em;font-size:.85em;line-height:1.3'>{escape(line)}</p>" for line in lines)
+    return "".join(
+        f"<p style='margin:.2em 1em;font-size:.85em;line-height:1.3'>{escape(line)}</p>"
+        for line in lines
+    )
 
 
 def _format_size(low: Sequence[float] | Floats, high: Sequence[float] | Floats) -> str:

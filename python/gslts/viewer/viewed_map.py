@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from gslts.store.map_folder import open_map
 from gslts.store.records import Track, TrackEvent, Version
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell, block_edge_m, make_blocks
+
+if TYPE_CHECKING:
+    from gslts.navigation.planner import PlannedPath
 
 Value = TypeVar("Value")
 
@@ -152,7 +155,8 @@ class ViewedMap:
         """Return the object changes that separate two versions.
 
         Args:
-            before, after: Numbers of the versions.
+            before: Number of the first version.
+            after: Number of the second version.
 
         Returns:
             The changes with their objects, by description.
@@ -278,7 +282,7 @@ class ViewedMap:
             ImportError: scikit-fmm is missing.
             ValueError: The map shows no floor.
         """
-        from gslts.navigation.terrain import Terrain
+        from gslts.navigation.terrain import Terrain  # Needs scikit-fmm, the rest does not.
 
         terrain = Terrain(self.plan(number), RobotBody())
         free = terrain.free_positions()

@@ -50,11 +50,11 @@ class Viewer:
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.get_port()}"
 
-        @self._server.on_client_connect  # type: ignore[untyped-decorator]
+        @self._server.on_client_connect
         async def _(client: Any) -> None:
             self._pages[client.client_id] = Page(client, self._map, first_view)
 
-        @self._server.on_client_disconnect  # type: ignore[untyped-decorator]
+        @self._server.on_client_disconnect
         async def _(client: Any) -> None:
             page = self._pages.pop(client.client_id, None)
             if page is not None:
