@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -40,3 +45,22 @@ def view(
         typer.echo(f"open {viewer.url}{ending} in a browser; Ctrl-C ends it")
         while not received:
             viewer.wait(1)
+
+
+@contextmanager
+def viewed(map_path: Path, wanted: bool) -> Iterator[None]:
+    """Serve `gslts view` beside a command, in a process of its own that cannot slow it.
+
+    Args:
+        map_path: Folder of the map.
+        wanted: False does nothing.
+    """
+    program = "import gslts.cli; gslts.cli.main()"
+    command = [sys.executable, "-c", program, "view", str(map_path), "--port", "0"]
+    process = subprocess.Popen(command) if wanted else None
+    try:
+        yield
+    finally:
+        if process is not None:
+            process.terminate()
+            process.wait()

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.core.gaussian_map import SH_C0, FloatArray, GaussianMap
 from gslts.io.atomic_files import write_atomic
 
 GAUSSIAN = np.dtype(
@@ -79,7 +79,7 @@ def rounding_m(gaussian_map: GaussianMap) -> float:
     return float(np.spacing(np.float32(farthest_m)) / 2)
 
 
-def unit_quats(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_quats(quats: FloatArray) -> FloatArray:
     """Normalize quaternions.
 
     Args:
@@ -87,7 +87,8 @@ def unit_quats(quats: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     lengths = np.linalg.norm(quats, axis=1, keepdims=True)
     rotated = lengths > MIN_QUAT_LENGTH
-    return np.where(rotated, quats / np.where(rotated, lengths, 1), [1.0, 0, 0, 0])
+    identity = np.array([1, 0, 0, 0], quats.dtype)
+    return np.where(rotated, quats / np.where(rotated, lengths, 1), identity)
 
 
 def _sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.spherical_harmonics import colors_in_directions
 from gslts.io.splat import unit_quats
 from gslts.mapping.density.control import axes_of
+from gslts.semantics.clusters import cell_keys
 from gslts.types import Bytes, Floats, Indices
 
 BLOCK_M = 0.5
@@ -27,7 +28,8 @@ UNIT_M = 0.01
 """Unit of covariances and centres on the page, m: covariances are sent as float16, in which a flat
 Gaussian of 1 mm would be 0 in m^2."""
 
-Cell = tuple[int, int, int]
+Cell = int
+"""Key of a cell of the grid, from `cell_keys`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +81,7 @@ def make_blocks(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Block]:
     Returns:
         The blocks by cell.
     """
-    axes = axes_of(unit_quats(gaussian_map.quats.astype(np.float64)))
+    axes = axes_of(unit_quats(gaussian_map.quats))
     axes *= np.exp(gaussian_map.log_scales)[:, :, None] / UNIT_M  # An axis per row.
     arrays = (
         (gaussian_map.means / UNIT_M).astype(np.float32),
@@ -106,12 +108,10 @@ def rows_by_cell(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Indices
     Returns:
         Rows of the Gaussians of each cell, ascending.
     """
-    cells = np.floor(gaussian_map.means / edge_m).astype(np.int64)
-    keys, cell_of = np.unique(cells, axis=0, return_inverse=True)
-    order = np.argsort(cell_of.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(cell_of.ravel(), minlength=len(keys)))
-    parts = np.split(order, ends[:-1])
-    return {(x, y, z): rows for (x, y, z), rows in zip(keys.tolist(), parts, strict=True)}
+    keys = cell_keys(gaussian_map.means, edge_m)
+    order = np.argsort(keys, kind="stable")
+    cells, starts = np.unique(keys[order], return_index=True)
+    return dict(zip(cells.tolist(), np.split(order, starts[1:]), strict=True))
 
 
 def block_edge_m(gaussian_map: GaussianMap) -> float:
@@ -124,6 +124,6 @@ def block_edge_m(gaussian_map: GaussianMap) -> float:
         The edge, m.
     """
     edge_m = BLOCK_M
-    while len(np.unique(np.floor(gaussian_map.means / edge_m), axis=0)) > MAX_BLOCKS:
+    while len(np.unique(cell_keys(gaussian_map.means, edge_m))) > MAX_BLOCKS:
         edge_m *= 2
     return edge_m

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import threading
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
@@ -29,8 +31,10 @@ MAX_TEXT = 200
 """Maximum length of a query; longer ones are cut."""
 MIN_ALPHA = 0.5
 """Minimum opacity of what is clicked on."""
-ALL_EVENTS = "all between both versions"
-"""First entry of the list of changes."""
+NO_EVENT = "..."
+"""First entry of the list of object changes."""
+
+_logger = logging.getLogger(__name__)
 
 
 class Page:
@@ -81,12 +85,12 @@ class Page:
         self.post("follow", self._follow)
 
     def report(self, problem: str) -> None:
-        """Show a problem.
+        """Show a problem of the map.
 
         Args:
             problem: In words; "" for none.
         """
-        self._status.content = f"<p><b>{escape(problem)}</b></p>" if problem else ""
+        self._map_problem.content = _paragraphs([problem] if problem else [])
 
     def _work(self) -> None:
         while True:
@@ -95,15 +99,18 @@ class Page:
                 if not self._is_open:
                     return
                 task = self._tasks.pop(next(iter(self._tasks)))
+            problem = []
             try:
                 task()
-                self.report("")
             except (OSError, ValueError, RuntimeError, ImportError) as error:
-                self.report(" ".join(str(error).split()))
+                problem = [" ".join(str(error).split())]
+            except Exception:  # Whatever a page sends, the next wish is heard.
+                _logger.exception("%s: a page asked for what failed", self._map.name)
+            self._problem.content = _paragraphs(problem)
 
     def _build_panel(self) -> None:
         gui, newest = self._client.gui, self._map.newest
-        self._status = gui.add_html("")
+        self._map_problem, self._problem = gui.add_html(""), gui.add_html("")
         with gui.add_folder("Version"):
             self._slider = gui.add_slider(
                 "Version", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
@@ -115,7 +122,8 @@ class Page:
             self._before = gui.add_slider(
                 "Since", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
             )
-            self._event = gui.add_dropdown("Object", (ALL_EVENTS,))
+            self._event = gui.add_dropdown("Go to", self._events())
+            self._images = gui.add_html("")
             self._cameras = gui.add_checkbox("Cameras", False)
         with gui.add_folder("Object"):
             self._object = gui.add_html(_paragraphs(["Click on anything."]))
@@ -195,8 +203,15 @@ class Page:
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
             self._show_blocks(self._map.blocks(self._shown))
 
+    def _events(self) -> tuple[str, ...]:
+        """Return the list of all object changes, the newest first."""
+        changes = self._map.changes(1, self._map.newest)
+        return (NO_EVENT, *sorted(changes, key=lambda text: -changes[text][1].version))
+
     def _follow(self) -> None:
         newest, was_newest = self._map.newest, self._slider.max
+        if newest > was_newest:
+            self._event.options = self._events()
         for slider in (self._slider, self._before):
             slider.max, slider.disabled = newest, newest == 1
         if self._following.value and newest > was_newest:
@@ -215,20 +230,25 @@ class Page:
 
     def _show_changes(self) -> None:
         self._overlay.clear("changes")
-        events = self._map.changes(min(self._before.value, self._map.newest), self._shown)
-        for track, event in events.values():
+        before = min(int(self._before.value), self._map.newest)
+        for track, event in self._map.changes(before, self._shown).values():
             self._overlay.event("changes", event, track.name)
-        self._event.options = (ALL_EVENTS, *events)
-        self._event.value = ALL_EVENTS
+        self._show_images(self._shown)
+
+    def _show_images(self, number: int) -> None:
+        """Show the frames of an update, and the map before and after it."""
+        image = b64encode(self._map.update_image(number)).decode()
+        tag = f"<img style='width:100%' src='data:image/jpeg;base64,{image}'>"
+        self._images.content = tag if image else ""
 
     def _show_event(self) -> None:
-        if self._event.value == ALL_EVENTS:
-            self._show_changes()
+        """Go to the version that shows the chosen change, and look at it."""
+        found = self._map.changes(1, self._map.newest).get(self._event.value)
+        if found is None:
             return
-        changes = self._map.changes(min(self._before.value, self._map.newest), self._shown)
-        track, event = changes[self._event.value]
-        self._overlay.clear("changes")
-        self._overlay.event("changes", event, track.name)
+        _, event = found
+        self._slider.value = event.version
+        self._show_version()
         box = event.boxes[1] or event.boxes[0]
         if box is not None:
             self._look_at(np.mean(box, axis=0))

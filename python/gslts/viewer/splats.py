@@ -64,9 +64,9 @@ class Splats:
             if cell in self._handles:
                 self._handles[cell].set_gaussians(*arrays)
             else:
-                name = "/map/" + "_".join(map(str, cell))
-                handle = self._scene.add_gaussian_splats(name, *arrays, scale=UNIT_M)
-                self._handles[cell] = handle
+                self._handles[cell] = self._scene.add_gaussian_splats(
+                    f"/map/{cell}", *arrays, scale=UNIT_M
+                )
             self._sent[cell] = block.digest, colors
 
     def remove_others(self, blocks: Mapping[Cell, Block]) -> None:

@@ -27,6 +27,7 @@ from gslts.store.camera_files import cameras_of_store
 from gslts.store.causes import Box
 from gslts.store.describe import describe_event, describe_version, describe_versions, format_made
 from gslts.store.history import open_history
+from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import open_map
 from gslts.store.records import Track, TrackEvent, Version
 from gslts.types import Floats
@@ -43,6 +44,8 @@ takes 100 MB with its blocks."""
 NEAR_M = 0.03
 """Distance around a point on a surface in which Gaussians are taken to name it, and by which it may
 lie outside of the box of its object, m: the noise of depth."""
+MAX_IMAGE_BYTES = 4 << 20
+"""Maximum size of the image of an update; usual ones take some 100 kB."""
 ARRIVAL_M = 1.0
 """Distance from an object at which a path to it ends, m, as that of `gslts go`."""
 
@@ -173,6 +176,19 @@ class ViewedMap:
             for event in track.events
             if event.version in versions
         }
+
+    def update_image(self, number: int) -> bytes:
+        """Return the image of an update: frames, and the map before and after.
+
+        Args:
+            number: Of the version.
+
+        Returns:
+            A JPEG file; empty if there is none, or none of a sane size.
+        """
+        path = update_image_path(self._folder, number)
+        is_there = path.is_file() and path.stat().st_size <= MAX_IMAGE_BYTES
+        return path.read_bytes() if is_there else b""
 
     def tracks(self, number: int) -> list[Track]:
         """Return the history of each object that changed up to a version.

@@ -11,7 +11,7 @@ from gslts.viewer.guarded_server import open_server
 from gslts.viewer.page import Page
 from gslts.viewer.viewed_map import ViewedMap
 
-POLL_S = 0.5
+POLL_S = 0.25
 """Time between two questions for a new version, s; one takes a millisecond."""
 
 
