@@ -22,6 +22,7 @@ from gslts.cli.run import run
 from gslts.cli.semantics import semantics
 from gslts.cli.share import clone, pull, push
 from gslts.cli.update import update
+from gslts.cli.view import view
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -35,6 +36,7 @@ app.command("map")(mapping.make)
 app.command("eval")(judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
+app.command("view")(view)
 app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)

@@ -98,21 +98,29 @@ def render(
 
 def export(
     map_path: Map,
-    out: Annotated[Path, typer.Argument(help="New file that ends in .ply or .splat.")],
+    out: Annotated[Path, typer.Argument(help="New file that ends in .ply, .splat or .html.")],
+    versions: Annotated[
+        int, typer.Option(min=1, help="Maximum number of versions on a page, the newest ones.")
+    ] = 50,
 ) -> None:
-    """Write a map as a PLY file of 3DGS, or as a .splat file for viewers on the web.
+    """Write a map as a PLY file of 3DGS, a .splat file for viewers on the web, or a web page.
 
-    Example: gslts export out/map out/map.splat
+    The page is one file with the map, its versions and what changed, and opens without a network.
+
+    Example: gslts export out/map out/map.html
     """
     from gslts.io.ply import write_ply
     from gslts.io.splat import rounding_m, write_splat
     from gslts.store.map_folder import read_map
 
     kind = out.suffix.lower()
-    if kind not in (".ply", ".splat"):
-        raise ValueError(f"{out}: must end in .ply or .splat")
+    if kind not in (".ply", ".splat", ".html"):
+        raise ValueError(f"{out}: must end in .ply, .splat or .html")
     if out.exists():
         raise FileExistsError(f"{out} is there already")
+    if kind == ".html":
+        _export_page(map_path, out, versions)
+        return
     gaussian_map = read_map(map_path)
     losses = ""
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -131,6 +139,18 @@ def export(
                 "format has no origin"
             )
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians, {out.stat().st_size} bytes{losses}")
+
+
+def _export_page(map_path: Path, out: Path, versions: int) -> None:
+    from tqdm import tqdm
+
+    from gslts.viewer.export import export_page
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    count = export_page(
+        map_path, out, versions, lambda numbers: tqdm(numbers, desc="versions", disable=None)
+    )
+    typer.echo(f"wrote {out}: {count} version(s), {out.stat().st_size} bytes; open it in a browser")
 
 
 def find_camera(map_path: Path, pose: str | None) -> Camera:

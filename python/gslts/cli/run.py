@@ -59,6 +59,9 @@ def run(
         bool,
         typer.Option("--consolidate", help="After the last round, refine what has changed."),
     ] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Also show the map in the browser, as gslts view does.")
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -79,6 +82,7 @@ def run(
     """
     from tqdm import tqdm
 
+    from gslts.cli.view import viewed
     from gslts.fleet.state import require_remote_state
     from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.localized import localized
@@ -98,7 +102,11 @@ def run(
         raise ValueError("give either --robot or --frames")
     # Frames of a recording are localized when they are read.
     config = _config(iterations, threads, relocalize=localize and robot is not None)
-    with stop_signals() as received, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
+    with (
+        stop_signals() as received,
+        viewed(map_path, view),
+        tqdm(desc="starting", bar_format=BAR, disable=None) as bar,
+    ):
 
         def on_progress(stage: str) -> None:
             left = len(keeper.state.remaining or ())

@@ -1,10 +1,10 @@
-"""Rotation of the spherical harmonics of Gaussians: colours that depend on the direction."""
+"""Spherical harmonics of Gaussians: colours that depend on the direction."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gslts.core.gaussian_map import FloatArray
+from gslts.core.gaussian_map import SH_C0, FloatArray
 from gslts.core.se3 import product
 from gslts.types import Floats
 
@@ -34,6 +34,25 @@ def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
         turn /= (weights * before[:, own.start] ** 2).sum()
         result[:, own] = (turn[None, :, :, None] * sh[:, None, own]).sum(axis=2)
     return result
+
+
+def colors_in_directions(sh: FloatArray, directions: FloatArray) -> FloatArray:
+    """Compute the colours of Gaussians as the rasterizer does.
+
+    Args:
+        sh: [N,K,3] coefficients, K = (degree + 1)^2.
+        directions: [N,3] from the camera to the centres, of any length but 0.
+
+    Returns:
+        [N,3] colours, at least 0.
+    """
+    colors: FloatArray = 0.5 + SH_C0 * sh[:, 0]
+    if sh.shape[1] > 1:
+        units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        degrees = np.sqrt(np.arange(sh.shape[1])).astype(np.intp)
+        basis = (SH_C0 * np.sqrt(2 * degrees + 1)) * _basis(units)[:, : sh.shape[1]]
+        colors = colors + (basis[:, 1:, None] * sh[:, 1:]).sum(axis=1)
+    return np.maximum(colors, 0)
 
 
 def _quadrature() -> tuple[Floats, Floats]:

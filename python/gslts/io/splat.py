@@ -16,11 +16,12 @@ shows the most important ones. The axes are those of the map, z up; many viewers
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.core.gaussian_map import SH_C0, FloatArray, GaussianMap
 from gslts.io.atomic_files import write_atomic
 
 GAUSSIAN = np.dtype(
@@ -41,17 +42,31 @@ def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
     Raises:
         OSError: The file cannot be written; an old file is unchanged.
     """
-    opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
     log_scales = gaussian_map.log_scales.astype(np.float64)
+    opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
+    # The logarithm of opacity times volume, which cannot overflow.
+    importance = log_scales.sum(axis=1) + np.log(np.maximum(opacities, 1e-300))
+    rows = splat_rows(gaussian_map)[np.argsort(-importance, kind="stable")]
+    write_atomic(path, rows.tobytes())
+
+
+def splat_rows(gaussian_map: GaussianMap) -> NDArray[Any]:
+    """Convert Gaussians to rows of the format.
+
+    Args:
+        gaussian_map: Map of any dtype.
+
+    Returns:
+        [N] of dtype `GAUSSIAN`, in the order of the map.
+    """
+    opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
     colors = 0.5 + SH_C0 * gaussian_map.sh[:, 0].astype(np.float64)
     rows = np.empty(gaussian_map.size, GAUSSIAN)
     rows["mean"] = gaussian_map.means + gaussian_map.origin
-    rows["scales"] = np.exp(log_scales)
+    rows["scales"] = np.exp(gaussian_map.log_scales.astype(np.float64))
     rows["rgba"] = _bytes(255 * np.column_stack([colors, opacities]))
-    rows["quat"] = _bytes(128 * _unit(gaussian_map.quats.astype(np.float64)) + 128)
-    # The logarithm of opacity times volume, which cannot overflow.
-    importance = log_scales.sum(axis=1) + np.log(np.maximum(opacities, 1e-300))
-    write_atomic(path, rows[np.argsort(-importance, kind="stable")].tobytes())
+    rows["quat"] = _bytes(128 * unit_quats(gaussian_map.quats.astype(np.float64)) + 128)
+    return rows
 
 
 def rounding_m(gaussian_map: GaussianMap) -> float:
@@ -64,10 +79,16 @@ def rounding_m(gaussian_map: GaussianMap) -> float:
     return float(np.spacing(np.float32(farthest_m)) / 2)
 
 
-def _unit(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_quats(quats: FloatArray) -> FloatArray:
+    """Normalize quaternions.
+
+    Args:
+        quats: [N,4] wxyz; one of length 0 means no rotation.
+    """
     lengths = np.linalg.norm(quats, axis=1, keepdims=True)
     rotated = lengths > MIN_QUAT_LENGTH
-    return np.where(rotated, quats / np.where(rotated, lengths, 1), [1.0, 0, 0, 0])
+    identity = np.array([1, 0, 0, 0], quats.dtype)
+    return np.where(rotated, quats / np.where(rotated, lengths, 1), identity)
 
 
 def _sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float64]:

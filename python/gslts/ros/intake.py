@@ -170,6 +170,12 @@ class Intake:
             raise ValueError(f"no CameraInfo has come on {self._topics.rgb_info}")
         return self._poses.latest(self._frame_of(info))
 
+    def base_from_camera(self) -> Floats | None:
+        """Return the pose of the camera on the robot, [4,4], m; None if it is not known."""
+        with self._new:
+            info = self._infos.get(self._topics.rgb_info)
+        return None if info is None else self._poses.base_from_camera(self._frame_of(info))
+
     def _choose(self) -> FrameMessages | None:
         """Return the messages of the newest complete frame; None if there is none."""
         topics = self._topics

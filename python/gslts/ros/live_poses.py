@@ -13,6 +13,9 @@ from gslts.ros.config import Mount
 from gslts.ros.constants import CLOCK_JUMP_NS, MAX_POSE_GAP_NS, POSE_HISTORY_NS
 from gslts.types import Floats
 
+BASE = "base_link"
+"""Frame of the robot in tf (REP 105), which goals are for."""
+
 
 class LivePoses(Protocol):
     """Source of the poses that the robot believes.
@@ -46,6 +49,14 @@ class LivePoses(Protocol):
         """
         ...
 
+    def base_from_camera(self, frame: str) -> Floats | None:
+        """Return the pose of the camera on the robot, [4,4], m; None if it is not known.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
+        ...
+
 
 class NoPoses:
     """Poses of a camera without odometry: all the same."""
@@ -53,12 +64,29 @@ class NoPoses:
     world = ""
 
     def at(self, time_ns: int, frame: str) -> Floats:  # noqa: ARG002
-        """Return the identity; see `LivePoses.at`."""
+        """Return the identity; see `LivePoses.at`.
+
+        Args:
+            time_ns: Any time, ns.
+            frame: Any frame.
+        """
         return np.eye(4)
 
     def latest(self, frame: str) -> Floats:  # noqa: ARG002
-        """Raise ValueError: nobody knows if the camera moves; see `LivePoses.latest`."""
+        """Raise ValueError: nobody knows if the camera moves; see `LivePoses.latest`.
+
+        Args:
+            frame: Any frame.
+        """
         raise ValueError("there is no source of poses")
+
+    def base_from_camera(self, frame: str) -> Floats | None:  # noqa: ARG002
+        """Return None: nobody knows; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Any frame.
+        """
+        return None
 
 
 class TopicPoses:
@@ -93,16 +121,33 @@ class TopicPoses:
             self._track.keep(*_memory(self._track.newest_ns(), time_ns))
 
     def at(self, time_ns: int, frame: str) -> Floats:
-        """Return the pose of the camera at a time; see `LivePoses.at`."""
+        """Return the pose of the camera at a time; see `LivePoses.at`.
+
+        Args:
+            time_ns: Time, ns.
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             mount = self._camera_mount(frame)
             return rigid(self._track.at(time_ns, MAX_POSE_GAP_NS) @ mount)
 
     def latest(self, frame: str) -> Floats:
-        """Return the newest pose of the camera; see `LivePoses.latest`."""
+        """Return the newest pose of the camera; see `LivePoses.latest`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             mount = self._camera_mount(frame)
             return rigid(self._track.at(self._track.newest_ns()) @ mount)
+
+    def base_from_camera(self, frame: str) -> Floats | None:  # noqa: ARG002
+        """Return the mount; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Any frame.
+        """
+        return None if self._mount is None else mount_matrix(self._mount)
 
     def _camera_mount(self, frame: str) -> Floats:
         """Return [4,4] child_from_camera."""
@@ -148,15 +193,37 @@ class TfPoses:
                     self._tree.keep(first_ns, self._newest_ns)
 
     def at(self, time_ns: int, frame: str) -> Floats:
-        """Return the pose of the camera at a time; see `LivePoses.at`."""
+        """Return the pose of the camera at a time; see `LivePoses.at`.
+
+        Args:
+            time_ns: Time, ns.
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             return rigid(self._tree.find(self.world, frame, time_ns, MAX_POSE_GAP_NS))
 
     def latest(self, frame: str) -> Floats:
-        """Return the newest pose of the camera; see `LivePoses.latest`."""
+        """Return the newest pose of the camera; see `LivePoses.latest`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             newest_ns = self._tree.newest_ns(self.world, frame)
             return rigid(self._tree.find(self.world, frame, newest_ns))
+
+    def base_from_camera(self, frame: str) -> Floats | None:
+        """Return the transform from `BASE`; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
+        with self._lock:
+            try:
+                newest_ns = self._tree.newest_ns(BASE, frame)
+                return rigid(self._tree.find(BASE, frame, newest_ns, MAX_POSE_GAP_NS))
+            except ValueError:
+                return None
 
 
 def mount_matrix(mount: Mount) -> Floats:

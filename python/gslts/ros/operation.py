@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from gslts.change.config import DetectionConfig
 from gslts.change.confirmation import Report
@@ -28,17 +29,20 @@ from gslts.ros.frame_memory import FrameMemory
 from gslts.ros.free_floor import FreeFloor
 from gslts.ros.intake import Intake
 from gslts.ros.judge import Judge, Judged
-from gslts.ros.outbox import Outbox
 from gslts.ros.problems import Problems
 from gslts.ros.query_lane import QueryLane
 from gslts.ros.recorder import Recorder
 from gslts.ros.requests import Request, Requests
-from gslts.ros.robot import Goals, RobotLostError, RosRobot
+from gslts.ros.robot import RobotLostError, RosRobot
 from gslts.ros.shown_change import detected_changes, published_changes
 from gslts.ros.statuses import Status
 from gslts.ros.waiting import WaitingChanges
 from gslts.store.history import open_history
 from gslts.types import Floats
+
+if TYPE_CHECKING:
+    from gslts.ros.goals import Goals  # These two need ROS.
+    from gslts.ros.publishing import Publishing
 from gslts.update.config import UpdateConfig
 
 WAIT_S = 0.1
@@ -54,7 +58,7 @@ class Operation:
         config: Settings.
         intake: Frames of the robot.
         goals: Drives the robot; used if `config.active`.
-        outbox: Publishes results.
+        publishing: Publishes results.
         problems: Gets what goes wrong.
         stop: Set if the node should end at the next safe point.
         now_s: Returns the time of the stamps, s.
@@ -70,13 +74,13 @@ class Operation:
         config: NodeConfig,
         intake: Intake,
         goals: Goals,
-        outbox: Outbox,
+        publishing: Publishing,
         problems: Problems,
         stop: threading.Event,
         now_s: Callable[[], float],
         log: Callable[[str], None],
     ) -> None:
-        self._config, self._intake, self._outbox = config, intake, outbox
+        self._config, self._intake, self._publishing = config, intake, publishing
         self._goals = goals if config.active else None
         self._problems, self._stop, self._now_s, self._log = problems, stop, now_s, log
         self.requests = Requests()
@@ -138,7 +142,7 @@ class Operation:
             recorder = Recorder(recording, self._problems)
 
             def record(judged: Judged, is_key: bool, recorder: Recorder = recorder) -> None:
-                self._outbox.judged(judged, None)
+                self._publishing.judged(judged, None)
                 if is_key:
                     recorder.add(judged.frame)
 
@@ -159,8 +163,8 @@ class Operation:
                 if self._stop.is_set():
                     raise StoppedError from None
                 self._log(f"not built: {error}")
-                self._outbox.event("not built", reason=str(error))
-        self._outbox.event("built")
+                self._publishing.event("not built", reason=str(error))
+        self._publishing.event("built")
 
     def _gather(self, judge: Judge, memory: FrameMemory) -> None:
         """Let the robot explore, or wait for the word "build"."""
@@ -172,7 +176,7 @@ class Operation:
             except RobotLostError as error:
                 self._log(f"exploration ended: {error}")
             else:
-                self._outbox.event("explored")
+                self._publishing.event("explored")
                 return
         while not self._stop.is_set():
             judge.require_working()
@@ -195,14 +199,14 @@ class Operation:
         ) as keeper:
 
             def on_judged(judged: Judged, is_key: bool) -> None:
-                self._outbox.judged(judged, keeper.gaussian_map)
+                self._publishing.judged(judged, keeper.gaussian_map)
                 if is_key and recorder is not None:
                     recorder.add(judged.frame)
 
             floor, self._keeper = FreeFloor(config.body), keeper
             try:
                 with (
-                    QueryLane(config.map_path, keeper, self._outbox) as self._queries,
+                    QueryLane(config.map_path, keeper, self._publishing) as self._queries,
                     Judge(
                         self._intake,
                         memory,
@@ -291,7 +295,7 @@ class Operation:
                 if keeper.semantics is None:
                     raise ValueError("the map has no words; gslts semantics adds them")
                 _, result = run_errand(keeper, keeper.semantics, robot, words)
-                self._outbox.answer(errand_answer(words, "map", result))
+                self._publishing.answer(errand_answer(words, "map", result))
             elif words == "explore":
                 keeper.explore(robot)
             elif words == "round":
@@ -301,11 +305,11 @@ class Operation:
         except (ValueError, ImportError, RobotLostError) as error:
             self._fail(request, str(error))
         else:
-            self._outbox.event("done", kind=request.kind, words=words)
+            self._publishing.event("done", kind=request.kind, words=words)
 
     def _fail(self, request: Request, reason: str) -> None:
         self._log(f"{request.kind} {request.words!r}: {reason}")
-        self._outbox.answer(failure_answer(request.kind, request.words, reason))
+        self._publishing.answer(failure_answer(request.kind, request.words, reason))
 
     def _start_robot(
         self, judge: Judge, memory: FrameMemory, positions: Callable[[], Floats] | None
@@ -313,6 +317,7 @@ class Operation:
         self.robot = RosRobot(
             memory,
             self._intake.latest_pose,
+            self._intake.base_from_camera,
             judge.map_from_odometry,
             lambda: self._intake.newest_s,
             positions,
@@ -323,19 +328,19 @@ class Operation:
     def _show_map(self, keeper: MapKeeper, floor: FreeFloor) -> None:
         """Publish what a new version shows."""
         version = keeper.version
-        self._outbox.event("version", number=version.number, gaussians=version.gaussians)
-        self._outbox.grid(floor.semantic_map(keeper.gaussian_map))
+        self._publishing.event("version", number=version.number, gaussians=version.gaussians)
+        self._publishing.grid(floor.semantic_map(keeper.gaussian_map))
         self._show_changes(None)
 
     def _show_changes(self, waiting: WaitingChanges | None) -> None:
         with open_history(self._config.map_path) as history:
             shown = published_changes(history.tracks())
         detected = [] if waiting is None else detected_changes(waiting.changes)
-        self._outbox.changes([*shown, *detected])
+        self._publishing.changes([*shown, *detected])
 
     def _say(self, line: str) -> None:
         self._log(line)
-        self._outbox.event("log", line=line)
+        self._publishing.event("log", line=line)
 
 
 def _keeper_config(config: NodeConfig) -> KeeperConfig:

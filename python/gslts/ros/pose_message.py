@@ -23,10 +23,7 @@ def pose_message(frame_from_body: Floats) -> Pose:
 
 
 def localized_pose_message(
-    header: Header,
-    world_from_camera: Floats,
-    covariance: Floats,
-    camera_from_body: Floats | None = None,
+    header: Header, world_from_camera: Floats, covariance: Floats
 ) -> PoseWithCovarianceStamped:
     """Return a localized pose, with its covariance in the order and the frame of ROS.
 
@@ -35,40 +32,16 @@ def localized_pose_message(
         world_from_camera: [4,4] rigid, m.
         covariance: [6,6] of a twist (rho, phi) of world_from_camera @ exp(rho, phi), m and rad, as
             of `gslts.localization.relocalizer.Localization`.
-        camera_from_body: [4,4] pose of the body in the camera, rigid, m, for the pose of the base
-            of the robot; None for that of the camera.
+
+    Source: `geometry_msgs/PoseWithCovariance`: rotations about the fixed axes of the world.
     """
-    mount = np.eye(4) if camera_from_body is None else camera_from_body
     message = PoseWithCovarianceStamped(header=header)
-    message.pose.pose = pose_message(product(world_from_camera, mount))
-    turned = covariance_in_world(world_from_camera[:3, :3], covariance, mount[:3, 3])
-    message.pose.covariance = turned.ravel()
+    message.pose.pose = pose_message(world_from_camera)
+    world_from_twist = np.zeros((6, 6))
+    world_from_twist[:3, :3] = world_from_twist[3:, 3:] = world_from_camera[:3, :3]
+    in_world = product(product(world_from_twist, covariance), world_from_twist.T)
+    message.pose.covariance = in_world.ravel()
     return message
-
-
-def covariance_in_world(turn: Floats, covariance: Floats, lever_m: Floats) -> Floats:
-    """Convert the covariance of a twist of the camera to that of a pose in ROS.
-
-    Args:
-        turn: [3,3] rotation of world_from_camera.
-        covariance: [6,6] of a twist (rho, phi) in the camera, m and rad.
-        lever_m: (3,) origin of the body in the camera, m.
-
-    Returns:
-        [6,6] of x, y, z of the body and of rotations about the fixed axes x, y, z of the world, m
-        and rad.
-
-    Source: `geometry_msgs/PoseWithCovariance`; the adjoint of SE(3), Sola et al. 2018, "A micro Lie
-    theory for state estimation in robotics".
-    """
-    x, y, z = lever_m
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    jacobian = np.zeros((6, 6))
-    jacobian[:3, :3] = jacobian[3:, 3:] = turn
-    jacobian[:3, 3:] = -product(turn, cross)  # phi x lever = -lever x phi.
-    result = product(product(jacobian, covariance), jacobian.T)
-    symmetric: Floats = (result + result.T) / 2
-    return symmetric
 
 
 def transform_message(

@@ -5,13 +5,16 @@ from __future__ import annotations
 import queue
 import threading
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.keeper.keeper import MapKeeper
 from gslts.ros.answers import failure_answer, query_answer
 from gslts.ros.constants import MAX_REQUESTS
-from gslts.ros.outbox import Outbox
 from gslts.semantics.queries import SemanticQueries
+
+if TYPE_CHECKING:
+    from gslts.ros.publishing import Publishing  # Needs ROS.
 from gslts.store.history import open_history
 
 
@@ -21,11 +24,11 @@ class QueryLane:
     Args:
         map_path: Folder of the map, named in errors.
         keeper: Of the map.
-        outbox: Gets the answers.
+        publishing: Gets the answers.
     """
 
-    def __init__(self, map_path: Path, keeper: MapKeeper, outbox: Outbox) -> None:
-        self._map_path, self._keeper, self._outbox = map_path, keeper, outbox
+    def __init__(self, map_path: Path, keeper: MapKeeper, publishing: Publishing) -> None:
+        self._map_path, self._keeper, self._publishing = map_path, keeper, publishing
         self._made: tuple[GaussianMap, SemanticQueries] | None = None
         self._words: queue.Queue[str | None] = queue.Queue(MAX_REQUESTS)
         self._thread = threading.Thread(target=self._work, name="gslts-queries", daemon=True)
@@ -55,9 +58,9 @@ class QueryLane:
     def _work(self) -> None:
         while (words := self._words.get()) is not None:
             try:
-                self._outbox.answer(self._answer(words))
+                self._publishing.answer(self._answer(words))
             except Exception as error:  # Answered, as nobody else would see it.
-                self._outbox.answer(failure_answer("query", words, str(error)))
+                self._publishing.answer(failure_answer("query", words, str(error)))
 
     def _answer(self, words: str) -> str:
         semantics, gaussian_map = self._keeper.semantics, self._keeper.gaussian_map

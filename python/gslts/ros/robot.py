@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from gslts.ros.constants import (
 from gslts.ros.frame_memory import FrameMemory
 from gslts.types import Floats
 
+if TYPE_CHECKING:
+    from gslts.ros.goals import Goals  # Needs ROS.
+
 POLL_S = 0.05
 """Time between two tests if the robot has arrived, s."""
 TILT_S = 0.5
@@ -35,33 +38,14 @@ class RobotLostError(Exception):
     """The robot has no pose or no frame at present."""
 
 
-class Goals(Protocol):
-    """Gives goals to the navigation of a robot."""
-
-    def drive_to(self, position: Floats, yaw_rad: float) -> None:
-        """Give a goal.
-
-        Args:
-            position: (2,) x and y in the frame of the poses, m.
-            yaw_rad: Direction of the camera, rad.
-        """
-        ...
-
-    def tilt_to(self, pitch_rad: float) -> None:
-        """Tilt the camera if it can be tilted.
-
-        Args:
-            pitch_rad: Angle below the horizon, rad.
-        """
-        ...
-
-
 class RosRobot:
     """A `Robot` in the coordinates of the map.
 
     Args:
         memory: Frames that were placed in the map.
         believed_pose: Returns the newest [4,4] pose of the odometry; raises ValueError without one.
+        base_from_camera: Returns the [4,4] pose of the camera on the robot, m; None if unknown:
+            then goals of the robot are those of the camera.
         map_from_odometry: Returns the [4,4] correction of the odometry.
         newest_s: Returns the stamp of the newest image, s.
         positions: Returns [P,2] free positions of the map; None without a map.
@@ -73,6 +57,7 @@ class RosRobot:
         self,
         memory: FrameMemory,
         believed_pose: Callable[[], Floats],
+        base_from_camera: Callable[[], Floats | None],
         map_from_odometry: Callable[[], Floats],
         newest_s: Callable[[], float],
         positions: Callable[[], Floats] | None,
@@ -80,6 +65,7 @@ class RosRobot:
         stop: threading.Event,
     ) -> None:
         self._memory, self._believed_pose = memory, believed_pose
+        self._base_from_camera = base_from_camera
         self._map_from_odometry, self._newest_s = map_from_odometry, newest_s
         self._positions, self._goals, self._stop = positions, goals, stop
         self._foreign_until_s = 0.0
@@ -112,10 +98,7 @@ class RosRobot:
         Raises:
             RobotLostError: There is no pose.
         """
-        try:
-            return rigid(self._map_from_odometry() @ self._believed_pose())
-        except ValueError as error:
-            raise RobotLostError(str(error)) from None
+        return rigid(self._map_from_odometry() @ self._odometry())
 
     def reachable_positions(self) -> Floats:
         """Return [P,2] free positions of the map, x and y, m; none if the robot is only watched."""
@@ -146,21 +129,35 @@ class RosRobot:
             self._goals.tilt_to(pitch_rad)
         # The correction of the odometry also tilts a little, which far from its origin is metres:
         # the goal is given relative to the present pose.
-        here, believed = self.pose(), self._believed_pose()
+        here, believed = self.pose(), self._odometry()
         turn_rad = _yaw_of(believed) - _yaw_of(here)
-        turn = yaw_pose(np.zeros(2), turn_rad)[:2, :2]
-        goal = believed[:2, 3] + turn @ (position - here[:2, 3])
-        self._goals.drive_to(goal, yaw_rad + turn_rad)
+        goal = believed[:2, 3] + _turn(turn_rad) @ (position - here[:2, 3])
+        self._goals.drive_to(*self._goal_of_base(goal, yaw_rad + turn_rad))
         return self._wait_until_at(goal, yaw_rad + turn_rad)
+
+    def _odometry(self) -> Floats:
+        """Return the newest [4,4] pose of the camera by the odometry, m."""
+        try:
+            return self._believed_pose()
+        except ValueError as error:
+            raise RobotLostError(str(error)) from None
+
+    def _goal_of_base(self, position: Floats, yaw_rad: float) -> tuple[Floats, float]:
+        """Return position (2,), m, and direction, rad, of the base for those of the camera."""
+        mount = self._base_from_camera()
+        if mount is None:
+            return position, yaw_rad
+        yaw_of_base_rad = yaw_rad - _yaw_of(mount)
+        return position - _turn(yaw_of_base_rad) @ mount[:2, 3], yaw_of_base_rad
 
     def _wait_until_at(self, goal: Floats, yaw_rad: float) -> bool:
         """Return whether the robot comes to rest at a goal, in the frame of its odometry."""
         start_s = moved_s = time.monotonic()
-        last = self._believed_pose()
+        last = self._odometry()
         while (now_s := time.monotonic()) - start_s < GOAL_TIMEOUT_S:
             if self._stop.wait(POLL_S) or self._preempted.is_set():
                 return False
-            pose = self._believed_pose()
+            pose = self._odometry()
             moved_m, turned_rad = pose_distance(last, pose)
             if moved_m > STILL_M or turned_rad > STILL_RAD:
                 last, moved_s = pose, now_s
@@ -182,9 +179,15 @@ def yaw_pose(position: Floats, yaw_rad: float) -> Floats:
         [4,4] rigid, at height 0, m.
     """
     pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
+    pose[:2, :2] = _turn(yaw_rad)
     pose[:2, 3] = position
     return pose
+
+
+def _turn(yaw_rad: float) -> Floats:
+    """Return the [2,2] rotation by an angle."""
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 def _yaw_of(pose: Floats) -> float:

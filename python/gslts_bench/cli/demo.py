@@ -35,3 +35,4 @@ def demo(
     scale = QUICK if quick else Scale()
     report = run_day(out, scale, threads=threads, bar=bar, say=tqdm.write)
     typer.echo(f"look at {report.resolve()}")
+    typer.echo(f"and at the map and its day: gslts view {out / 'map'}")

@@ -25,7 +25,7 @@ def ros(
 
     Robot and node are processes of their own, which hear nobody else. It needs rclpy.
 
-    Example: build/ros/bin/python -m gslts bench ros --out out/ros_day
+    Example: build/ros/bin/gslts bench ros --out out/ros_day
     """
     # In a domain of their own, on this machine alone.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

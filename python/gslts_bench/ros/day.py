@@ -99,7 +99,7 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
     """
     size = ("--width", str(settings.width), "--height", str(settings.width * 3 // 4))
     home = (settings.room, str(settings.seed))
-    events = _make_day(out, home, size, settings.changes)
+    events = make_day(out, home, size, settings.changes)
     seconds: dict[str, float] = {}
     start_s = time.monotonic()
 
@@ -108,10 +108,10 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
         log(f"{step}: {seconds[step]:.0f} s")
 
     with Director(out / "bag", log) as director:
-        robot = _start(out, "robot", "sim", "ros", *home, *size, "--day", f"{out}/day/day.json")
+        robot = start(out, "robot", "sim", "ros", *home, *size, "--day", f"{out}/day/day.json")
         try:
             map_from_world = director.odometry_from_world()
-            node = _start(
+            node = start(
                 out,
                 "gslts",
                 *("ros", "--map", str(out / "map"), "--build", "--active"),
@@ -122,9 +122,9 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
             try:
                 answer, errand = _direct(director, events, settings, note, log)
             finally:
-                _stop(node, "gslts ros")
+                stop(node, "gslts ros")
         finally:
-            _stop(robot, "gslts sim ros")
+            stop(robot, "gslts sim ros")
         path, grid = director.path, director.grid
     with open_history(out / "map") as history:
         reported, _ = history.events_between(1, history.versions()[-1].number)
@@ -169,26 +169,58 @@ def _direct(
     return answer, errand
 
 
-def _make_day(
-    out: Path, home: Sequence[str], size: Sequence[str], changes: int
+def make_day(
+    out: Path, home: Sequence[str], size: Sequence[str], changes: int, frames: int = 1
 ) -> list[ChangeEvent]:
-    """Write the changes of a day, and return them."""
+    """Write the changes of a day, and return them.
+
+    Args:
+        out: Folder; gets the folder `day`.
+        home: Room type and seed.
+        size: Options of the size of images.
+        changes: Number of changes.
+        frames: Maximum number of frames of the recording before the day.
+
+    Raises:
+        OSError: A file cannot be written.
+        RuntimeError: So many changes are not possible.
+    """
     folder = out / "day"
-    options = ("--changes", str(changes), "--frames", "1", "--out", str(folder))
+    options = ("--changes", str(changes), "--frames", str(frames), "--out", str(folder))
     command = [sys.executable, "-m", "gslts", "sim", "day", *home, *size, *options]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1])
     return [event for events in read_day(folder / "day.json").rounds for event in events]
 
 
-def _start(out: Path, name: str, *arguments: str) -> subprocess.Popen[bytes]:
-    """Start a command of gslts, with a log file."""
-    with (out / f"{name}.log").open("wb") as log:
+def start(out: Path, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+    """Start a command of gslts in a process of its own.
+
+    Args:
+        out: Folder of its log file.
+        name: Name of the log file.
+        arguments: Of the command.
+
+    Raises:
+        OSError: The log file cannot be written.
+    """
+    with (out / f"{name}.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-m", "gslts", *arguments], stdout=log, stderr=subprocess.STDOUT
         )
 
 
-def _stop(process: subprocess.Popen[bytes], name: str) -> None:
+def stop(process: subprocess.Popen[bytes], name: str) -> None:
+    """End a process, and wait until it has ended.
+
+    Args:
+        process: Of `start`.
+        name: Named in errors.
+
+    Raises:
+        RuntimeError: It failed.
+    """
     process.send_signal(signal.SIGINT)
     if (status := process.wait(TIMEOUT_S)) != 0:
         raise RuntimeError(f"{name} ended with exit status {status}; see its log")

@@ -15,8 +15,8 @@ from gslts.cli import app
 
 ROOT = Path(__file__).parents[3]
 PACKAGE, MESSAGES = ROOT / "ros/gslts_ros", ROOT / "ros/gslts_msgs"
-NOT_LAUNCHED = {"help", "sim_time", "ros_arguments"}
-"""Parameters that are no arguments of the launch file; it has `use_sim_time` and those of ROS."""
+NOT_LAUNCHED = {"help", "ros_arguments"}
+"""Parameters that are no arguments of the launch file."""
 
 
 def module(name: str) -> ModuleType:

@@ -196,7 +196,7 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
             ("command", "dance", "expected one of build, explore, extend, round, consolidate"),
         ):
             ros.publish(f"/gslts/{topic}", "std_msgs/msg/String", data=words)
-            answer = json.loads(ros.next("/gslts/answer")["data"])
+            answer = json.loads(ros.wait("/gslts/answer")["data"])
             assert answer["status"] == "failed"
             assert reason in answer["reason"]
         localized(ros, driver, frame)

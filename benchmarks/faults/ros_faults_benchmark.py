@@ -1,0 +1,125 @@
+"""Kills `gslts ros` at random moments, in a home that changes; the map must never be wrong.
+
+    build/ros/bin/python benchmarks/faults/ros_faults_benchmark.py --kills 50 --work out/ros_faults
+
+A simulated robot lives a day over ROS 2. Each run of the node is asked for a round and killed
+(SIGKILL) after a random time. Between the kills the home changes, somebody carries the robot away,
+and the robot with its camera driver restarts, so that its odometry starts anew at zero. After each
+kill the map must verify; after the last one, the node ends a round, and no event may be untrue.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from gslts.store.history import open_history
+from gslts_bench.ros.day import make_day, start, stop
+from gslts_bench.ros.director import Director
+from gslts_bench.series.events import is_untrue, true_events, was_found
+
+KILL_S = (3.0, 40.0)
+"""Time of a run before it is killed, s: from loading the map to the end of an update."""
+RESTART_EVERY, CARRY_EVERY = 10, 4
+"""Number of kills after which the robot restarts, and after which it is carried away."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1, help="of the moments")
+    parser.add_argument("--room", default="living_room")
+    parser.add_argument("--home", type=int, default=3, help="seed of the home")
+    parser.add_argument("--changes", type=int, default=6)
+    parser.add_argument("--work", type=Path, required=True, help="new folder")
+    parser.add_argument("--json", type=Path, help="file for the result")
+    given = parser.parse_args()
+    # In a domain of their own, on this machine alone.
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    given.work.mkdir(parents=True)
+    result = run(given)
+    print(json.dumps(result))
+    if given.json:
+        given.json.write_text(json.dumps(result, indent=1) + "\n")
+    if result["damaged"] or result["untrue"]:
+        sys.exit(1)
+
+
+def run(given: argparse.Namespace) -> dict[str, int]:
+    """Run all kills; return the counts."""
+    work, random_ = given.work, random.Random(given.seed)
+    home = (given.room, str(given.home))
+    events = make_day(work, home, (), given.changes, frames=200)
+    gslts("map", work / "day" / "before", "--out", work / "map", "--preset", "fast")
+    robot_options = ("sim", "ros", *home, "--day", f"{work}/day/day.json", "--rate", "4")
+    changed = damaged = 0
+    with Director(work / "bag", print) as director:
+        robot = start(work, "robot", *robot_options)
+        director.odometry_from_world()
+        for kill in range(given.kills):
+            if kill % RESTART_EVERY == RESTART_EVERY - 1:
+                stop(robot, "robot")  # Its home is as at first: so are the changes from now on.
+                robot = start(work, "robot", *robot_options)
+                for _ in range(changed):
+                    director.ask_robot("change")
+            node = start_node(work)
+            director.wait("event", "version")
+            if kill % CARRY_EVERY == CARRY_EVERY - 1:
+                director.ask_robot("carry_away")
+            if changed < len(events) * (kill + 1) // given.kills:
+                print(f"{kill}: {director.ask_robot('change')}", flush=True)
+                changed += 1
+            director.say("command", "round")
+            try:
+                node.wait(random_.uniform(*KILL_S))
+                raise RuntimeError(f"the node ended by itself; see {work}/gslts.log")
+            except subprocess.TimeoutExpired:
+                node.send_signal(signal.SIGKILL)
+                node.wait()
+            damaged += gslts("verify", work / "map", check=False)
+        node = start_node(work)
+        director.wait("event", "version")
+        director.say("command", "round")
+        director.wait("event", "done")
+        stop(node, "gslts")
+        stop(robot, "robot")
+    with open_history(work / "map") as history:
+        newest = history.versions()[-1].number
+        reported, _ = history.events_between(1, newest)
+    true = true_events([event.change for event in events[:changed]])
+    return {
+        "kills": given.kills,
+        "damaged": damaged,
+        "versions": newest,
+        "changes": len(true),
+        "found": sum(was_found(change, reported) for change in true),
+        "events": len(reported),
+        "untrue": sum(is_untrue(event, true) for event in reported),
+    }
+
+
+def start_node(work: Path) -> subprocess.Popen[bytes]:
+    return start(
+        work,
+        "gslts",
+        *("ros", "--map", str(work / "map"), "--active", "--pose", "/camera/pose"),
+        *("--tilt", "/tilt_controller/commands", "--viewpoints", "12"),
+    )
+
+
+def gslts(*arguments: object, check: bool = True) -> bool:
+    """Run a command; return whether it failed."""
+    command = [sys.executable, "-m", "gslts", *map(str, arguments)]
+    done = subprocess.run(command, check=check, stdout=subprocess.DEVNULL)
+    return done.returncode != 0
+
+
+if __name__ == "__main__":
+    main()

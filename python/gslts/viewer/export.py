@@ -1,0 +1,128 @@
+"""A map and its history as a page in one file, which opens without a server or a network."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from html import escape
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from gslts.core.camera import Camera
+from gslts.io.atomic_files import write_atomic
+from gslts.io.splat import splat_rows
+from gslts.store.camera_files import cameras_of_map
+from gslts.viewer.blocks import rows_by_cell
+from gslts.viewer.overlay import MOVED, box_edges, boxes_of_event
+from gslts.viewer.viewed_map import ViewedMap
+
+BLOCK_M = 0.25
+"""Edge of the blocks of which a version is put together, m. A block that several versions share is
+in the page once: smaller blocks make the page smaller, and longer lists of them."""
+
+Bar = Callable[[Iterable[int]], Iterable[int]]
+
+
+def export_page(folder: Path, out: Path, max_versions: int, bar: Bar = iter) -> int:
+    """Write the page, atomically.
+
+    Args:
+        folder: Folder of the map.
+        out: File of the page.
+        max_versions: Maximum number of versions, the newest ones.
+        bar: Shows progress.
+
+    Returns:
+        Number of versions in the page.
+
+    Raises:
+        OSError: The map cannot be read, or the page cannot be written.
+        ValueError: The folder holds no map, or a version is damaged.
+    """
+    viewed = ViewedMap(folder)
+    numbers = [version.number for version in viewed.versions[-max_versions:]]
+    blocks: dict[bytes, int] = {}  # Their contents, in the order of the page.
+    versions = [
+        {"blocks": _add_blocks(viewed, number, blocks), **_lines(viewed, number)}
+        for number in bar(numbers)
+    ]
+    ends = np.cumsum([0, *map(len, blocks)]).tolist()
+    first_view = next(iter(cameras_of_map(folder).values()), None)
+    scene = {
+        "versions": versions,
+        "blocks": list(pairwise(ends)),
+        "view": _view(viewed, first_view),
+    }
+    files = resources.files("gslts.viewer")
+    page = Template(files.joinpath("exported.html").read_text("utf-8")).substitute(
+        title=escape(viewed.name),
+        last=len(numbers) - 1,
+        versions=_buttons(viewed, numbers),
+        scene=json.dumps(scene),
+        gaussians=b64encode(gzip.compress(b"".join(blocks), mtime=0)).decode(),
+        code=b64encode(files.joinpath("spark.js.gz").read_bytes()).decode(),
+    )
+    write_atomic(out, page.encode())
+    return len(numbers)
+
+
+def _add_blocks(viewed: ViewedMap, number: int, blocks: dict[bytes, int]) -> list[int]:
+    """Add the blocks of a version to those of the page, and return their numbers there."""
+    gaussian_map = viewed.gaussians(number)
+    # Relative to the origin, for the float32 of the page.
+    splats = splat_rows(replace(gaussian_map, origin=np.zeros(3)))
+    return [
+        blocks.setdefault(splats[rows].tobytes(), len(blocks))
+        for rows in rows_by_cell(gaussian_map, BLOCK_M).values()
+    ]
+
+
+def _lines(viewed: ViewedMap, number: int) -> dict[str, list[float]]:
+    """Return ends and colours of the lines that show what a version changed."""
+    lines: list[float] = []
+    colors: list[float] = []
+    for _, event in viewed.changes(max(1, number - 1), number).values():
+        parts = [(box_edges(box), color) for box, color in boxes_of_event(event)]
+        if len(parts) == 2:  # From the old to the new position.
+            ends = [edges.mean(axis=(0, 1)) for edges, _ in parts]
+            parts.append((np.array([ends]), MOVED))
+        for segments, color in parts:
+            lines += (segments - viewed.origin).round(3).ravel().tolist()
+            colors += [channel / 255 for channel in color] * (2 * len(segments))
+    return {"lines": lines, "colors": colors}
+
+
+def _view(viewed: ViewedMap, camera: Camera | None) -> dict[str, Any]:
+    """Return where the page looks from first."""
+    if camera is None:
+        middle = viewed.gaussians(viewed.newest).means.mean(axis=0, dtype=np.float64)
+        return {
+            "position": (middle - (0, 4, -2)).tolist(),
+            "target": middle.tolist(),
+            "fov_deg": 60,
+        }
+    pose = camera.world_from_camera
+    position = pose[:3, 3] - viewed.origin
+    return {
+        "position": position.tolist(),
+        "target": (position + 2 * pose[:3, 2]).tolist(),
+        "fov_deg": float(np.rad2deg(2 * np.arctan(camera.height / 2 / camera.fy))),
+    }
+
+
+def _buttons(viewed: ViewedMap, numbers: Sequence[int]) -> str:
+    """Return the list of versions, the newest first."""
+    buttons = [
+        f"<button value={row}><b>Version {number}</b> "
+        f"{'<br>'.join(map(escape, viewed.describe(number)))}</button>"
+        for row, number in enumerate(numbers)
+    ]
+    return "\n".join(reversed(buttons))

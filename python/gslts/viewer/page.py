@@ -1,0 +1,399 @@
+"""A page: its panel, and the scene that one browser sees."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from base64 import b64encode
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gslts.core.camera import Camera
+from gslts.core.se3 import inverse_transform, rotation_of_quat
+from gslts.navigation.semantic_map_files import draw_semantic_map
+from gslts.rendering.rasterizer import RenderOptions, render
+from gslts.semantics.queries import Instance
+from gslts.store.describe import describe_event
+from gslts.store.records import Track
+from gslts.types import Floats
+from gslts.viewer.blocks import Block, Cell
+from gslts.viewer.overlay import CAME, FOUND, MOVED, Overlay
+from gslts.viewer.splats import Splats
+from gslts.viewer.viewed_map import ViewedMap
+
+FIRST_GAUSSIANS = 50_000
+"""Number of Gaussians that are sent first, so that the nearest in view show early. The page sorts
+all it has after each message: with more messages, all of a large map show later."""
+MAX_TEXT = 200
+"""Maximum length of a query; longer ones are cut."""
+MIN_ALPHA = 0.5
+"""Minimum opacity of what is clicked on."""
+NO_EVENT = "..."
+"""First entry of the list of object changes."""
+
+_logger = logging.getLogger(__name__)
+
+
+class Page:
+    """An open page. Its work is done in a thread of its own: a page that asks much waits for it.
+
+    Args:
+        client: Of viser.
+        viewed: The map.
+        first_view: Camera from which the page looks first; None for a map without cameras.
+    """
+
+    def __init__(self, client: Any, viewed: ViewedMap, first_view: Camera | None) -> None:
+        self._client, self._map = client, viewed
+        self._overlay = Overlay(client.scene, viewed.origin)
+        self._splats = Splats(client.scene)
+        self._shown = 0
+        self._answers: list[Instance] = []
+        self._tasks: dict[str, Callable[[], None]] = {}
+        self._changed = threading.Condition()
+        self._is_open = True
+        if first_view is not None:
+            pose = first_view.world_from_camera
+            client.camera.fov = float(2 * np.arctan(first_view.height / 2 / first_view.fy))
+            self._look(pose[:3, 3], pose[:3, 3] + 2 * pose[:3, 2])
+        self._build_panel()
+        self.post("show", self._show_version)
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def close(self) -> None:
+        """End the work for the page."""
+        with self._changed:
+            self._is_open = False
+            self._changed.notify()
+
+    def post(self, name: str, task: Callable[[], None]) -> None:
+        """Let something be done soon.
+
+        Args:
+            name: Of the task; one of the same name that has not begun is dropped.
+            task: To do.
+        """
+        with self._changed:
+            self._tasks[name] = task
+            self._changed.notify()
+
+    def follow(self) -> None:
+        """Tell the page that the map has new versions."""
+        self.post("follow", self._follow)
+
+    def report(self, problem: str) -> None:
+        """Show a problem of the map.
+
+        Args:
+            problem: In words; "" for none.
+        """
+        self._map_problem.content = _paragraphs([problem] if problem else [])
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._tasks or not self._is_open)
+                if not self._is_open:
+                    return
+                task = self._tasks.pop(next(iter(self._tasks)))
+            problem = []
+            try:
+                task()
+            except (OSError, ValueError, RuntimeError, ImportError) as error:
+                problem = [" ".join(str(error).split())]
+            except Exception:  # Whatever a page sends, the next wish is heard.
+                _logger.exception("%s: a page asked for what failed", self._map.name)
+            self._problem.content = _paragraphs(problem)
+
+    def _build_panel(self) -> None:
+        gui, newest = self._client.gui, self._map.newest
+        self._map_problem, self._problem = gui.add_html(""), gui.add_html("")
+        with gui.add_folder("Version"):
+            self._slider = gui.add_slider(
+                "Version", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
+            )
+            self._described = gui.add_html("")
+            self._following = gui.add_checkbox("Follow new versions", True)
+            play = gui.add_button("Play")
+        with gui.add_folder("Changes"):
+            self._before = gui.add_slider(
+                "Since", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
+            )
+            self._event = gui.add_dropdown("Go to", self._events())
+            self._images = gui.add_html("")
+            self._cameras = gui.add_checkbox("Cameras", False)
+        with gui.add_folder("Object"):
+            self._object = gui.add_html(_paragraphs(["Click on anything."]))
+        with gui.add_folder("Words"):
+            self._text = gui.add_text("Find", "")
+            find, go = gui.add_button("Find"), gui.add_button("Path there")
+            self._answer = gui.add_html("")
+        with gui.add_folder("Plan", expand_by_default=False):
+            draw = gui.add_button("Draw")
+            self._plan_image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), visible=False)
+        for control, name, task in (
+            (self._slider.on_update, "show", self._show_version),
+            (self._before.on_update, "changes", self._show_changes),
+            (self._event.on_update, "event", self._show_event),
+            (self._cameras.on_update, "cameras", self._show_cameras),
+            (self._following.on_update, "follow", self._follow),
+            (play.on_click, "play", self._play),
+            (find.on_click, "find", self._find),
+            (go.on_click, "find", self._go),
+            (draw.on_click, "plan", lambda: self._draw_plan(None)),
+            (self._client.camera.on_update, "colors", self._recolor),
+        ):
+            self._connect(control, name, task)
+
+        @self._client.scene.on_click()  # type: ignore[untyped-decorator]
+        async def _(event: Any) -> None:
+            ray = np.array(event.ray_origin), np.array(event.ray_direction)
+            self.post("click", lambda: self._show_object(*ray))
+
+    def _connect(self, control: Any, name: str, task: Callable[[], None]) -> None:
+        async def post(event: Any) -> None:
+            # Values that the program sets, such as the maximum of a slider, are no wish of anybody.
+            if getattr(event, "client", self._client) is not None:
+                self.post(name, task)
+
+        control(post)
+
+    @property
+    def _number(self) -> int:
+        return min(max(1, int(self._slider.value)), self._map.newest)
+
+    @property
+    def _eye(self) -> Floats:
+        """(3,) position of the viewer, relative to the origin of the map, m."""
+        eye = np.asarray(self._client.camera.position, np.float64)
+        return eye if np.isfinite(eye).all() else np.zeros(3)
+
+    def _show_version(self) -> None:
+        number = self._number
+        self._show_blocks(self._map.blocks(number))
+        is_new, self._shown = number != self._shown, number
+        self._described.content = _paragraphs(self._map.describe(number))
+        if is_new:
+            self._before.value = max(1, number - 1)
+            self._overlay.clear("object")
+            self._show_changes()
+        if self._cameras.value:
+            self._show_cameras()
+
+    def _show_blocks(self, blocks: dict[Cell, Block]) -> None:
+        """Send the blocks that differ from those of the page; at first, the nearest in view."""
+        eye = self._eye
+        parts = [self._splats.changes(blocks, eye)]
+        if self._splats.is_empty:
+            forward = rotation_of_quat(np.asarray(self._client.camera.wxyz, np.float64))[:, 2]
+            parts[0].sort(key=lambda change: _priority(change[1].middle - eye, forward))
+            counts = np.cumsum([len(block.centers) for _, block, _ in parts[0]])
+            first = int(np.searchsorted(counts, FIRST_GAUSSIANS)) + 1
+            parts = [parts[0][:first], parts[0][first:]]
+        for part in parts:
+            with self._client.atomic():
+                self._splats.send(part)
+                self._splats.remove_others(blocks)
+            self._client.flush()
+
+    def _recolor(self) -> None:
+        if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
+            self._show_blocks(self._map.blocks(self._shown))
+
+    def _events(self) -> tuple[str, ...]:
+        """Return the list of all object changes, the newest first."""
+        changes = self._map.changes(1, self._map.newest)
+        return (NO_EVENT, *sorted(changes, key=lambda text: -changes[text][1].version))
+
+    def _follow(self) -> None:
+        newest, was_newest = self._map.newest, self._slider.max
+        if newest > was_newest:
+            self._event.options = self._events()
+        for slider in (self._slider, self._before):
+            slider.max, slider.disabled = newest, newest == 1
+        if self._following.value and newest > was_newest:
+            self._slider.value = newest
+            self._show_version()
+
+    def _play(self) -> None:
+        self._following.value = False
+        start = 1 if self._number == self._map.newest else self._number + 1
+        for number in range(start, self._map.newest + 1):
+            with self._changed:  # Whatever else is asked for ends it.
+                if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=1):
+                    return
+            self._slider.value = number
+            self._show_version()
+
+    def _show_changes(self) -> None:
+        self._overlay.clear("changes")
+        before = min(int(self._before.value), self._map.newest)
+        for track, event in self._map.changes(before, self._shown).values():
+            self._overlay.event("changes", event, track.name)
+        self._show_images(self._shown)
+
+    def _show_images(self, number: int) -> None:
+        """Show the frames of an update, and the map before and after it."""
+        image = b64encode(self._map.update_image(number)).decode()
+        tag = f"<img style='width:100%' src='data:image/jpeg;base64,{image}'>"
+        self._images.content = tag if image else ""
+
+    def _show_event(self) -> None:
+        """Go to the version that shows the chosen change, and look at it."""
+        found = self._map.changes(1, self._map.newest).get(self._event.value)
+        if found is None:
+            return
+        _, event = found
+        self._slider.value = event.version
+        self._show_version()
+        box = event.boxes[1] or event.boxes[0]
+        if box is not None:
+            self._look_at(np.mean(box, axis=0))
+
+    def _look_at(self, point: Floats) -> None:
+        """Move to the camera of the map that sees a point best."""
+        views = [
+            (float(np.linalg.norm(point - camera.world_from_camera[:3, 3])), camera)
+            for camera in self._map.cameras(self._shown)
+            if _is_in_view(camera, point)
+        ]
+        if views:
+            camera = min(views, key=lambda view: view[0])[1]
+            self._look(camera.world_from_camera[:3, 3], point)
+
+    def _look(self, position: Floats, target: Floats) -> None:
+        camera = self._client.camera
+        with self._client.atomic():
+            camera.up_direction = (0.0, 0.0, 1.0)
+            camera.position = position - self._map.origin
+            camera.look_at = target - self._map.origin
+
+    def _show_cameras(self) -> None:
+        self._overlay.clear("cameras")
+        if self._cameras.value:
+            self._overlay.cameras("cameras", self._map.cameras(self._shown))
+
+    def _show_object(self, origin: Floats, direction: Floats) -> None:
+        self._overlay.clear("object")
+        point = self._surface(origin, direction)
+        if point is None:
+            self._object.content = _paragraphs(["Nothing is there."])
+            return
+        track = self._map.track_at(self._shown, point)
+        lines = None if track is None else self._show_track(track)
+        if lines is None and self._map.has_words(self._shown):
+            lines = self._show_named(point)
+        position = f"({', '.join(f'{x:.2f}' for x in point)}) m"
+        self._object.content = _paragraphs([*(lines or ["Nothing known by a name."]), position])
+
+    def _show_track(self, track: Track) -> list[str]:
+        box = track.events[-1].boxes[1]
+        assert box is not None
+        self._overlay.box("object", box, CAME, track.name)
+        for event in track.events:
+            if event.boxes[0] is not None:
+                self._overlay.event("object", event, track.name)
+        since = [event for event in track.events if event.kind != "shift"]
+        first = f"there since version {since[-1].version}" if since else "there since version 1"
+        lines = [f"{event.version}: {describe_event(event, track.name)}" for event in track.events]
+        return [f"{track.name}, {_format_size(*box)}, {first}", *lines[::-1]]
+
+    def _show_named(self, point: Floats) -> list[str] | None:
+        found = self._map.name_at(self._shown, point)
+        if found is None:
+            return None
+        name, instance = found
+        if instance is None:
+            return [name]
+        self._overlay.box("object", (instance.low, instance.high), FOUND, name)
+        size = _format_size(instance.low, instance.high)
+        return [f"{name}, {size}, score {instance.score:.2f}", "no change is known of it"]
+
+    def _surface(self, origin: Floats, direction: Floats) -> Floats | None:
+        """Return the point (3,) in the world, m, that a ray of the page hits."""
+        length = float(np.linalg.norm(direction))
+        if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
+            return None
+        pose = np.eye(4)
+        pose[:3, 2] = direction / length
+        pose[:3, 0] = _orthogonal(pose[:3, 2])
+        pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+        pose[:3, 3] = origin + self._map.origin
+        # The middle pixel of an image as fine as that of the page.
+        focal_px = 500.0
+        ray = Camera(
+            fx=focal_px, fy=focal_px, cx=0.5, cy=0.5, width=1, height=1, world_from_camera=pose
+        )
+        images = render(self._map.gaussians(self._shown), ray, RenderOptions(threads=1))
+        if images.alpha[0, 0] < MIN_ALPHA:
+            return None
+        point: Floats = pose[:3, 3] + float(images.depth[0, 0]) * pose[:3, 2]
+        return point
+
+    def _find(self) -> None:
+        text = str(self._text.value)[:MAX_TEXT]
+        self._overlay.clear("words")
+        self._answers = self._map.find(self._shown, text)
+        for answer in self._answers:
+            label = f"{text} {answer.score:.2f}"
+            self._overlay.box("words", (answer.low, answer.high), FOUND, label)
+        lines = [
+            f"{answer.score:.2f}: {_format_size(answer.low, answer.high)}"
+            for answer in self._answers
+        ]
+        self._answer.content = _paragraphs(lines or [f"{text}: not found"])
+
+    def _go(self) -> None:
+        self._find()
+        if not self._answers:
+            return
+        start = (self._eye + self._map.origin)[:2]
+        path = self._map.path(self._shown, start, self._answers)
+        if path.reason:
+            self._answer.content += _paragraphs([f"no path from here: {path.reason}"])
+            return
+        floor_m = self._map.plan(self._shown).floor_m + 0.05
+        points = np.column_stack([path.points, np.full(len(path.points), floor_m)])
+        self._overlay.lines("words", np.stack([points[:-1], points[1:]], axis=1), MOVED)
+        self._answer.content += _paragraphs([f"path from here: {path.length_m:.1f} m"])
+        self._draw_plan(path.points)
+
+    def _draw_plan(self, path: Floats | None) -> None:
+        self._plan_image.image = draw_semantic_map(self._map.plan(self._shown), path)
+        self._plan_image.visible = True
+
+
+def _paragraphs(lines: Sequence[str]) -> str:
+    return "".join(
+        f"<p style='margin:.2em 1em;font-size:.85em;line-height:1.3'>{escape(line)}</p>"
+        for line in lines
+    )
+
+
+def _format_size(low: Sequence[float] | Floats, high: Sequence[float] | Floats) -> str:
+    return " x ".join(f"{size:.2f}" for size in np.subtract(high, low)) + " m"
+
+
+def _priority(offset: Floats, forward: Floats) -> float:
+    """Return a number that is less for a block that is near and before the viewer."""
+    ahead = float(offset @ forward)
+    return float(np.linalg.norm(offset)) + (0 if ahead > 0 else 1e6)
+
+
+def _is_in_view(camera: Camera, point: Floats) -> bool:
+    x, y, z = inverse_transform(camera.world_from_camera, point[None])[0]
+    if z <= 0:
+        return False
+    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+    return bool(0 <= u < camera.width and 0 <= v < camera.height)
+
+
+def _orthogonal(direction: Floats) -> Floats:
+    """Return a unit vector at right angles to a direction."""
+    axis = np.eye(3)[np.argmin(np.abs(direction))]
+    side = np.cross(direction, axis)
+    result: Floats = side / np.linalg.norm(side)
+    return result

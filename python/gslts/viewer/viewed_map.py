@@ -1,0 +1,356 @@
+"""The versions of a map as the pages show them: read once for all pages."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot_body import RobotBody
+from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
+from gslts.navigation.viewpoints import Target
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.categories import classify_gaussians
+from gslts.semantics.files import read_semantics
+from gslts.semantics.queries import Instance, SemanticQueries
+from gslts.semantics.registry import open_text_source
+from gslts.semantics.source import SemanticSource
+from gslts.semantics.vocabulary import NOUNS
+from gslts.store.camera_files import cameras_of_store
+from gslts.store.causes import Box
+from gslts.store.describe import describe_event, describe_version, describe_versions, format_made
+from gslts.store.history import open_history
+from gslts.store.manifest import update_image_path
+from gslts.store.map_folder import open_map
+from gslts.store.records import Track, TrackEvent, Version
+from gslts.types import Floats
+from gslts.viewer.blocks import Block, Cell, block_edge_m, make_blocks
+
+if TYPE_CHECKING:
+    from gslts.navigation.planner import PlannedPath
+
+Value = TypeVar("Value")
+
+CACHED_VERSIONS = 3
+"""Number of versions in memory: two that are compared, and the newest. A map of 500,000 Gaussians
+takes 100 MB with its blocks."""
+NEAR_M = 0.03
+"""Distance around a point on a surface in which Gaussians are taken to name it, and by which it may
+lie outside of the box of its object, m: the noise of depth."""
+MAX_IMAGE_BYTES = 4 << 20
+"""Maximum size of the image of an update; usual ones take some 100 kB."""
+ARRIVAL_M = 1.0
+"""Distance from an object at which a path to it ends, m, as that of `gslts go`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Semantics:
+    """Words of a version of a map.
+
+    Attributes:
+        autoencoder: Decodes the features.
+        source: Encodes texts.
+        names: Words that an object can be called by.
+        queries: Queries on the map.
+    """
+
+    autoencoder: Autoencoder
+    source: SemanticSource
+    names: tuple[str, ...]
+    queries: SemanticQueries
+
+
+class ViewedMap:
+    """Versions of one map, for pages in several threads.
+
+    Args:
+        folder: Folder of the map.
+        clip: Folder of the CLIP of its semantics, if it was moved.
+
+    Attributes:
+        name: Name of the folder.
+        versions: All versions, oldest first.
+        lines: Object changes in words, by number of the version.
+        origin: (3,) origin of the map in the world, m: that of the pages.
+
+    Raises:
+        OSError: The map cannot be read.
+        ValueError: The folder holds no map.
+    """
+
+    def __init__(self, folder: Path, clip: Path | None = None) -> None:
+        self._folder, self._clip = folder, clip
+        self._lock = threading.RLock()
+        self.name = folder.resolve().name
+        self.versions: list[Version] = []
+        self.lines: dict[int, list[str]] = {}
+        self.gaussians: Callable[[int], GaussianMap] = self._cached(self._read, CACHED_VERSIONS)
+        self._blocks = self._cached(self._make_blocks, CACHED_VERSIONS)
+        self._semantics = self._cached(self._open_semantics, 1)
+        self._plan = self._cached(self._make_plan, 1)
+        self.refresh()
+        newest = self.gaussians(self.newest)
+        self.origin, self._edge_m = newest.origin, block_edge_m(newest)
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest version."""
+        return self.versions[-1].number
+
+    def refresh(self) -> bool:
+        """Read the history again if there are new versions.
+
+        Returns:
+            True if there are.
+
+        Raises:
+            OSError: The map cannot be read.
+            ValueError: It is damaged.
+        """
+        with open_history(self._folder) as store:
+            if self.versions and store.version().number == self.newest:
+                return False
+            lines, versions = describe_versions(store), store.versions()
+        self.lines, self.versions = lines, versions  # In this order: pages read them meanwhile.
+        return True
+
+    def describe(self, number: int) -> list[str]:
+        """Describe a version.
+
+        Args:
+            number: Of the version.
+
+        Returns:
+            When and by whom it was made, why, and a line for each object change.
+        """
+        version = self.versions[number - 1]
+        return [format_made(version), describe_version(version), *self.lines.get(number, [])]
+
+    def blocks(self, number: int) -> dict[Cell, Block]:
+        """Return the Gaussians of a version in blocks.
+
+        Args:
+            number: Of the version.
+
+        Raises:
+            OSError: A file is missing or cannot be read.
+            ValueError: The version is damaged or was compacted.
+        """
+        return self._blocks(number)
+
+    def cameras(self, number: int) -> list[Camera]:
+        """Return the cameras of the frames that led to a version.
+
+        Args:
+            number: Of the version.
+        """
+        with open_history(self._folder) as store:
+            return list(cameras_of_store(store, number).values())
+
+    def changes(self, before: int, after: int) -> dict[str, tuple[Track, TrackEvent]]:
+        """Return the object changes that separate two versions.
+
+        Args:
+            before: Number of the first version.
+            after: Number of the second version.
+
+        Returns:
+            The changes with their objects, by description.
+        """
+        with open_history(self._folder) as store:
+            old, new = (store.lineage_numbers(number) for number in (before, after))
+            sides = [("", new - old, store.tracks(after))]
+            if old - new:
+                sides.append(("undone: ", old - new, store.tracks(before)))
+        return {
+            f"{event.version}: {prefix}{describe_event(event, track.name)}": (track, event)
+            for prefix, versions, tracks in sides
+            for track in tracks
+            for event in track.events
+            if event.version in versions
+        }
+
+    def update_image(self, number: int) -> bytes:
+        """Return the image of an update: frames, and the map before and after.
+
+        Args:
+            number: Of the version.
+
+        Returns:
+            A JPEG file; empty if there is none, or none of a sane size.
+        """
+        path = update_image_path(self._folder, number)
+        is_there = path.is_file() and path.stat().st_size <= MAX_IMAGE_BYTES
+        return path.read_bytes() if is_there else b""
+
+    def tracks(self, number: int) -> list[Track]:
+        """Return the history of each object that changed up to a version.
+
+        Args:
+            number: Of the version.
+        """
+        with open_history(self._folder) as store:
+            return store.tracks(number)
+
+    def track_at(self, number: int, point: Floats) -> Track | None:
+        """Find the object at a point among those that changed.
+
+        Args:
+            number: Of the version.
+            point: (3,) in the world, m.
+
+        Returns:
+            The smallest object with the point in its box; None if there is none.
+        """
+        found = [
+            (volume_m3(box), track)
+            for track in self.tracks(number)
+            if (box := track.events[-1].boxes[1]) is not None and contains(box, point)
+        ]
+        return min(found, key=lambda pair: pair[0])[1] if found else None
+
+    def has_words(self, number: int) -> bool:
+        """Return whether a version has semantic features.
+
+        Args:
+            number: Of the version.
+        """
+        return self.gaussians(number).feature_dims > 0
+
+    def find(self, number: int, text: str) -> list[Instance]:
+        """Find the objects that match a text.
+
+        Args:
+            number: Of the version.
+            text: Such as "alarm clock".
+
+        Returns:
+            The objects, the best first.
+
+        Raises:
+            ImportError: A package of the semantics is missing.
+            OSError: A file cannot be read.
+            ValueError: The map has no semantic features, or the text is empty.
+        """
+        with self._lock:
+            return self._semantics(number).queries.find(text)
+
+    def name_at(self, number: int, point: Floats) -> tuple[str, Instance | None] | None:
+        """Name the object at a point by the semantic features of the Gaussians there.
+
+        Args:
+            number: Of the version.
+            point: (3,) in the world, m.
+
+        Returns:
+            The name and the object with the point in its box, None if queries do not find it
+            there; or None if nothing has a name there.
+
+        Raises:
+            ImportError, OSError, ValueError: As for `find`.
+        """
+        with self._lock:
+            semantics, gaussian_map = self._semantics(number), self.gaussians(number)
+            offsets = gaussian_map.means - (point - gaussian_map.origin)
+            rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < NEAR_M)
+            classes = classify_gaussians(
+                gaussian_map, rows, semantics.autoencoder, semantics.source, semantics.names
+            )
+            votes = np.bincount(classes[classes >= 0], minlength=1)
+            if not votes.any():
+                return None
+            name = semantics.names[int(votes.argmax())]
+            for instance in semantics.queries.find(name):
+                if contains((instance.low, instance.high), point):
+                    return name, instance
+            return name, None
+
+    def plan(self, number: int) -> SemanticMap:
+        """Return the floor plan of a version.
+
+        Args:
+            number: Of the version.
+
+        Raises:
+            ValueError: The map shows no floor.
+        """
+        return self._plan(number)
+
+    def path(self, number: int, start: Floats, goals: Sequence[Instance]) -> PlannedPath:
+        """Plan a path over the floor to the nearest of some objects.
+
+        Args:
+            number: Of the version.
+            start: (2,) x and y in the world, m.
+            goals: Objects, from `find`.
+
+        Returns:
+            The path, or the reason why there is none.
+
+        Raises:
+            ImportError: scikit-fmm is missing.
+            ValueError: The map shows no floor.
+        """
+        from gslts.navigation.terrain import Terrain  # Needs scikit-fmm, the rest does not.
+
+        terrain = Terrain(self.plan(number), RobotBody())
+        free = terrain.free_positions()
+        targets = [Target.of_instance(self.gaussians(number), goal) for goal in goals]
+        near = np.any([target.distances_m(free) <= ARRIVAL_M for target in targets], axis=0)
+        return terrain.plan_to_any(start, free[near])
+
+    def _cached(self, function: Callable[[int], Value], size: int) -> Callable[[int], Value]:
+        """Return a function of the number of a version that remembers its last results."""
+        cached = lru_cache(size)(function)
+
+        def locked(number: int) -> Value:
+            with self._lock:
+                return cached(number)
+
+        return locked
+
+    def _read(self, number: int) -> GaussianMap:
+        with open_map(self._folder) as store:
+            return store.read(number)
+
+    def _make_blocks(self, number: int) -> dict[Cell, Block]:
+        return make_blocks(self.gaussians(number), self._edge_m)
+
+    def _open_semantics(self, number: int) -> Semantics:
+        found = read_semantics(self._folder.with_name(f"{self._folder.name}@{number}"))
+        if found is None:
+            raise ValueError("this version has no words; gslts semantics adds them")
+        cause, autoencoder = found
+        source = open_text_source(cause, self._clip)
+        queries = SemanticQueries(self.gaussians(number), autoencoder, source)
+        return Semantics(autoencoder, source, cause.names or NOUNS, queries)
+
+    def _make_plan(self, number: int) -> SemanticMap:
+        return make_semantic_map(self.gaussians(number), RobotBody())
+
+
+def contains(box: Box | tuple[Floats, Floats], point: Floats) -> bool:
+    """Return whether a point on a surface is of the object in a box.
+
+    Args:
+        box: Lower and upper corner, m.
+        point: (3,) m.
+    """
+    low, high = np.array(box[0]) - NEAR_M, np.array(box[1]) + NEAR_M
+    return bool(((low <= point) & (point <= high)).all())
+
+
+def volume_m3(box: Box) -> float:
+    """Return the volume of a box, m^3.
+
+    Args:
+        box: Lower and upper corner, m.
+    """
+    return float(np.prod(np.subtract(box[1], box[0])))

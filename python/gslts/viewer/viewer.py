@@ -1,0 +1,102 @@
+"""The viewer: a server with a page for each browser, which follows the map."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any, Self
+
+from gslts.store.camera_files import cameras_of_map
+from gslts.viewer.guarded_server import open_server
+from gslts.viewer.page import Page
+from gslts.viewer.viewed_map import ViewedMap
+
+POLL_S = 0.25
+"""Time between two questions for a new version, s; one takes a millisecond."""
+
+
+class Viewer:
+    """Serves the pages of a map until it is closed. A context manager.
+
+    Args:
+        folder: Folder of the map; it is only read.
+        host: Address to bind.
+        port: Port; 0 for a free one.
+        token: Without which nobody sees anything; required if the host is not of this machine.
+        clip: Folder of the CLIP of the semantics of the map, if it was moved.
+
+    Attributes:
+        url: Address of the page, without the token.
+
+    Raises:
+        ImportError: viser is missing.
+        OSError: The map cannot be read, or the port is in use.
+        ValueError: The folder holds no map, or the token is missing or too weak.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        token: str | None = None,
+        clip: Path | None = None,
+    ) -> None:
+        self._map = ViewedMap(folder, clip)
+        self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
+        first_view = next(iter(cameras_of_map(folder).values()), None)
+        self._pages: dict[int, Page] = {}
+        self._server: Any = open_server(host, port, self._map.name, token)
+        name = f"[{host}]" if ":" in host else host
+        self.url = f"http://{name}:{self._server.get_port()}"
+
+        @self._server.on_client_connect
+        async def _(client: Any) -> None:
+            self._pages[client.client_id] = Page(client, self._map, first_view)
+
+        @self._server.on_client_disconnect
+        async def _(client: Any) -> None:
+            page = self._pages.pop(client.client_id, None)
+            if page is not None:
+                page.close()
+
+        self._closing = threading.Event()
+        self._poll = threading.Thread(target=self._follow, daemon=True)
+        self._poll.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all pages and the port."""
+        self._closing.set()
+        self._poll.join()
+        for page in list(self._pages.values()):
+            page.close()
+        self._server.stop()
+
+    def wait(self, seconds: float) -> None:
+        """Serve for a time, or until the viewer is closed.
+
+        Args:
+            seconds: The time, s.
+        """
+        self._closing.wait(seconds)
+
+    def _follow(self) -> None:
+        problem = ""
+        while not self._closing.wait(POLL_S):
+            pages = list(self._pages.values())
+            try:
+                is_new, now = self._map.refresh(), ""
+            except (OSError, ValueError) as error:
+                is_new, now = False, f"The map cannot be read any more: {error}"
+            for page in pages:
+                if is_new:
+                    page.follow()
+                if now != problem:
+                    page.report(now)
+            problem = now

@@ -1,0 +1,98 @@
+"""The viewer in a real browser, headless and with software GL."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import viewed_room
+from command import gslts as run
+from shared import made_once
+from viewed_room import BOX, MOVED, SAME_DB, Page, browser_page
+
+from gslts.viewer.viewer import Viewer
+
+MIDDLE = ((2.4, 1.2, 0.3), (2.4, 1.4, 0.5))
+"""Of the room, where no version changed anything."""
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A map of three versions: the second has words, the third a box at another position."""
+    made = made_once("viewed_room", viewed_room.make_map)
+    return Path(shutil.copytree(made, tmp_path / "room"))
+
+
+@pytest.fixture
+def page(room: Path) -> Iterator[Page]:
+    """An open page of the map."""
+    with Viewer(room, port=0) as viewer, browser_page(viewer.url) as opened:
+        opened.wait_for_text("moved from")
+        opened.page.locator(".mantine-Notification-closeButton").first.click()
+        yield opened
+    assert opened.errors == []
+
+
+def fill(page: Page, field: int, text: str) -> None:
+    """Type into a field of the panel: 0 is the version, 1 the one before, 2 the words."""
+    page.page.get_by_role("textbox").nth(field).fill(text)
+    page.page.get_by_role("textbox").nth(field).press("Enter")
+
+
+def test_versions(page: Page, room: Path) -> None:
+    fill(page, 1, "3")  # Without the boxes of what changed.
+    page.wait_for_image(room, MIDDLE)
+    page.wait_for_image(room, MOVED)
+    fill(page, 0, "1")
+    page.wait_for_text("mapped from room")
+    page.wait_for_image(room.with_name("room@1"), BOX)
+    assert page.psnr_db(room.with_name("room@3"), BOX) < SAME_DB
+    # A version that appears is shown, and only the blocks that differ are sent.
+    fill(page, 0, "3")
+    page.wait_for_text("Box moved from (1000.30")
+    fill(page, 1, "3")
+    page.wait_for_image(room, BOX)
+    whole = page.received
+    viewed_room.move(room, MOVED, BOX)
+    page.wait_for_text("Box moved from (1003.00, -1997.40, 3.20) m to (1000.30")
+    fill(page, 1, "4")
+    page.wait_for_image(room.with_name("room@4"), BOX)
+    assert page.psnr_db(room.with_name("room@3"), BOX) < SAME_DB
+    assert 0 < page.received - whole < 0.3 * whole
+
+
+def test_objects_and_words(page: Page) -> None:
+    page.page.mouse.click(*page.pixel((3.0, 2.4, 0.2)))
+    page.wait_for_text("Box, 0.40 x 0.40 x 0.40 m, there since version 3")
+    page.wait_for_text("3: Box moved from (1000.30, -1997.30, 3.20) m")
+    page.page.mouse.click(*page.pixel((2.275, 1.4, 0.825)))
+    page.wait_for_text("no change is known of it")
+    page.wait_for_text("Mug, 0.1")
+    fill(page, 2, "elephant")
+    page.page.get_by_role("button", name="Find", exact=True).click()
+    page.wait_for_text("elephant: not found")
+    fill(page, 2, "mug")
+    page.page.get_by_role("button", name="Path there").click()
+    page.wait_for_text("path from here: ")
+
+
+def test_map_that_is_lost(page: Page, room: Path) -> None:
+    room.rename(room.with_name("elsewhere"))
+    page.wait_for_text("The map cannot be read any more")
+    page.wait_for_image(room.with_name("elsewhere"), MIDDLE)
+    room.with_name("elsewhere").rename(room)
+    page.page.get_by_text("The map cannot be read any more").wait_for(state="detached")
+
+
+def test_exported_page(room: Path, tmp_path: Path) -> None:
+    done = run("export", "room", "out/room.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "3 version(s)" in done.stdout
+    with browser_page((tmp_path / "out" / "room.html").as_uri()) as page:
+        page.page.wait_for_selector("body[data-shown='2']")
+        page.wait_for_image(room, MIDDLE)
+        page.page.get_by_role("button", name="Version 1").click()
+        page.page.wait_for_selector("body[data-shown='0']")
+        page.wait_for_image(room.with_name("room@1"), BOX)
+        assert page.psnr_db(room.with_name("room@3"), BOX) < SAME_DB
+        assert page.errors == []
