@@ -50,13 +50,15 @@ def ros(
     Example: gslts sim ros living_room 3 --rate 5 --changes 6
     """
     from gslts.cli.run import stop_signals
-    from gslts_sim.actions import SceneState
-    from gslts_sim.ros.node import spin
-    from gslts_sim.ros.robot import SimulatedRobot
-    from gslts_sim.ros.scripted_home import ScriptedHome
-    from gslts_sim.sensor import Sensor
 
     with stop_signals() as received:
+        # Inside, as these take a second.
+        from gslts_sim.actions import SceneState
+        from gslts_sim.ros.node import spin
+        from gslts_sim.ros.robot import SimulatedRobot
+        from gslts_sim.ros.scripted_home import ScriptedHome
+        from gslts_sim.sensor import Sensor
+
         sensor = Sensor(noise, visit)
         script, home = _open(source, seed, day, changes)
         state = SceneState(home) if script is None else script.state(home, 0)

@@ -17,8 +17,7 @@ try:
     import rclpy
     from geometry_msgs.msg import PoseStamped
     from nav_msgs.msg import Odometry
-    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-    from rclpy.executors import MultiThreadedExecutor
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import CameraInfo, Image
@@ -33,8 +32,8 @@ except ImportError as error:
 from gslts.core.se3 import product
 from gslts.ros.image_message import image_message
 from gslts.ros.pose_message import pose_message, transform_message
-from gslts_sim.changes import ChangeError
 from gslts_sim.ros import messages
+from gslts_sim.ros.home_node import HomeNode
 from gslts_sim.ros.robot import TICK_S, RobotState, SimulatedRobot, base_from_camera
 
 TICK_NS = round(TICK_S * 1e9)
@@ -42,6 +41,8 @@ QUEUE = 10
 """Depth of the queues of reliable topics."""
 MAX_LAG_TICKS = 25
 """Number of ticks that are made up for after a pause; after a longer one the robot stood still."""
+POLL_S = 0.2
+"""Maximum time to wait for a message before a stop is noticed, s."""
 LOG_S = 5.0
 """Minimum time between two warnings about the same fault, s."""
 FAST_DDS_PROFILE = Path(__file__).with_name("fastdds.xml")
@@ -53,16 +54,12 @@ WORLD = "home"
 class RobotNode:
     """Publishers, subscriptions and services of the robot.
 
-    Motion, goals and tilts are handled in one thread, changes in another one, and images are
-    rendered in a third one: receiving never waits for rendering.
-
     Args:
         robot: The robot.
         rate_hz: Maximum number of frames per second.
-        interval_s: Time between changes that happen by themselves, s; None for none.
     """
 
-    def __init__(self, robot: SimulatedRobot, rate_hz: float, interval_s: float | None) -> None:
+    def __init__(self, robot: SimulatedRobot, rate_hz: float) -> None:
         self._robot, self._period_s = robot, 1 / rate_hz
         self.node = node = rclpy.create_node("robot")
         self._colour = node.create_publisher(
@@ -85,22 +82,12 @@ class RobotNode:
         self._start_ns: int = node.get_clock().now().nanoseconds
         self._start_s = time.monotonic()
         self._latest = robot.state, self._start_ns
-        moving, changing = MutuallyExclusiveCallbackGroup(), MutuallyExclusiveCallbackGroup()
-        node.create_timer(TICK_S, self._catch_up, moving)
+        node.create_timer(TICK_S, self._catch_up)
+        node.create_subscription(PoseStamped, "/goal_pose", self._on_goal, QUEUE)
         node.create_subscription(
-            PoseStamped, "/goal_pose", self._on_goal, QUEUE, callback_group=moving
+            Float64MultiArray, "/tilt_controller/commands", self._on_tilt, QUEUE
         )
-        node.create_subscription(
-            Float64MultiArray,
-            "/tilt_controller/commands",
-            self._on_tilt,
-            QUEUE,
-            callback_group=moving,
-        )
-        node.create_service(Trigger, "/robot/carry_away", self._carry_away, callback_group=moving)
-        node.create_service(Trigger, "/robot/change", self._change, callback_group=changing)
-        if interval_s is not None:
-            node.create_timer(interval_s, self._change_by_itself, changing)
+        node.create_service(Trigger, "/robot/carry_away", self._carry_away)
 
     def send_images(self, stopped: threading.Event) -> None:
         """Publish frames until the robot is stopped.
@@ -175,18 +162,6 @@ class RobotNode:
         response.success, response.message = True, "the robot was put down elsewhere"
         return response
 
-    def _change(self, _: Any, response: Any) -> Any:
-        try:
-            response.message = self._robot.change()
-            response.success = True
-        except ChangeError as reason:
-            response.message = str(reason)
-        self.node.get_logger().info(f"change: {response.message}")
-        return response
-
-    def _change_by_itself(self) -> None:
-        self._change(None, Trigger.Response())
-
     def _warn(self, text: str) -> None:
         self.node.get_logger().warning(text, throttle_duration_sec=LOG_S)
 
@@ -197,7 +172,10 @@ def spin(
     interval_s: float | None,
     should_stop: Callable[[], bool],
 ) -> None:
-    """Run the node until it is stopped.
+    """Run the nodes of robot and home until they are stopped.
+
+    Motion, goals and tilts are handled in one thread, changes in another one, and images are
+    rendered in a third one: receiving never waits for rendering.
 
     Args:
         robot: The robot.
@@ -208,21 +186,33 @@ def spin(
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(FAST_DDS_PROFILE))
     # The signal handlers of rclpy would end publishers while they are in use.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    executor, stopped = MultiThreadedExecutor(2), threading.Event()
-    robot_node = RobotNode(robot, rate_hz, interval_s)
-    executor.add_node(robot_node.node)
-    with ThreadPoolExecutor(1) as pool:
-        images = pool.submit(robot_node.send_images, stopped)
+    robot_node, home_node = RobotNode(robot, rate_hz), HomeNode(robot, interval_s)
+    moving, changing = executors = SingleThreadedExecutor(), SingleThreadedExecutor()
+    moving.add_node(robot_node.node)
+    changing.add_node(home_node.node)
+    stopped = threading.Event()
+    with ThreadPoolExecutor(2) as pool:
+        lanes = [
+            pool.submit(robot_node.send_images, stopped),
+            pool.submit(_spin_until, changing, stopped.is_set),
+        ]
         try:
-            while not should_stop() and not images.done():
-                executor.spin_once(timeout_sec=0.2)
+            _spin_until(moving, lambda: should_stop() or any(lane.done() for lane in lanes))
         finally:
             stopped.set()
-            wait([images])
-            executor.shutdown()
+            wait(lanes)
+            for executor in executors:
+                executor.shutdown()
             robot_node.node.destroy_node()
+            home_node.node.destroy_node()
             rclpy.shutdown()
-    images.result()
+    for lane in lanes:
+        lane.result()
+
+
+def _spin_until(executor: SingleThreadedExecutor, is_over: Callable[[], bool]) -> None:
+    while not is_over():
+        executor.spin_once(timeout_sec=POLL_S)
 
 
 def _transform_sender(node: Any) -> Callable[[list[Any]], None]:

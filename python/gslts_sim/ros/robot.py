@@ -86,6 +86,11 @@ class SimulatedRobot:
         """Height of the floor in the world, m."""
         return float(self._home.scene.state.home.space.box[0, 2])
 
+    @property
+    def changes_left(self) -> int:
+        """Number of changes of the home to come."""
+        return self._home.changes_left
+
     def advance(self) -> RobotState:
         """Let a tick pass.
 
