@@ -13,9 +13,21 @@ from typing import Literal
 
 import numpy as np
 
+from gslts.change.confirmation import (
+    ChangeConfirmation,
+    MonitorConfig,
+    Report,
+    latest_reports,
+)
 from gslts.change.detector import ChangeDetector
 from gslts.change.visibility import Visibility
-from gslts.consolidation.constants import MAX_CORRECTION_M, MAX_VIEWS, MIN_GAIN_DB
+from gslts.consolidation.constants import (
+    MAX_CORRECTION_M,
+    MAX_UNKNOWN_CHANGES,
+    MAX_VIEWS,
+    MIN_CHANGE_VIEWS,
+    MIN_GAIN_DB,
+)
 from gslts.consolidation.fit import Fit, refine_regions, region_psnr_db
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
@@ -81,18 +93,23 @@ def consolidate(
         progress: Called after each view and after each step of the refinement.
 
     Raises:
-        ValueError: Too few views show a change.
+        ValueError: Too few views show a change, or the home differs from its map.
     """
     detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
     clock = Clock(None, {})
     frames = _collect(robot, spread_cameras(cameras, regions, MAX_VIEWS), progress)
     clock.note("collecting")
-    placed, skipped = _place(frames, detector, threads)
+    placed, skipped, changes = _place(frames, detector, threads)
     if len(placed) < MIN_FRAMES_TO_HOLD_OUT:
         why = f"; {skipped[-1]}" if skipped else ""
         raise ValueError(
             f"{len(placed)} usable views show what changed, {MIN_FRAMES_TO_HOLD_OUT} are needed: "
             f"let the robot reach more positions around it, or record more frames{why}"
+        )
+    if changes > MAX_UNKNOWN_CHANGES:
+        raise ValueError(
+            f"the views show {changes} changes that the map does not: run a round first "
+            "(gslts run), then consolidate"
         )
     visibility = Visibility(gaussian_map, cameras, threads)
     spaces = compare_frames(gaussian_map, visibility, placed, threads)
@@ -134,20 +151,30 @@ def _collect(robot: Robot, cameras: Sequence[Camera], progress: Progress) -> lis
 
 def _place(
     frames: Sequence[RgbdFrame], detector: ChangeDetector, threads: int
-) -> tuple[dict[str, Observation], tuple[str, ...]]:
-    """Return frames aligned with the map by name, and reasons for skipping others."""
+) -> tuple[dict[str, Observation], tuple[str, ...], int]:
+    """Align frames with the map.
+
+    Returns:
+        The frames by name, the reasons for skipping others, and the number of changes that enough
+        frames show.
+    """
     placed, skipped = dict[str, Observation](), []
+    window = max(len(frames), MIN_CHANGE_VIEWS)
+    confirmation = ChangeConfirmation(MonitorConfig(window=window, needed=MIN_CHANGE_VIEWS))
+    reports: list[Report] = []
     for number, frame in enumerate(frames):
-        unreliable = detector.detect(frame).unreliable
-        if unreliable is not None:
-            skipped.append(f"view {number}: {unreliable}")
+        detection = detector.detect(frame)
+        if detection.unreliable is not None:
+            skipped.append(f"view {number}: {detection.unreliable}")
             continue
         view = refine_pose(detector.gaussian_map, Observation.of(frame), threads)
         if not np.linalg.norm(view.correction[:3, 3]) < MAX_CORRECTION_M:
             skipped.append(f"view {number} fits the map at another pose")
         else:
             placed[f"{number:03}"] = view
-    return placed, tuple(skipped)
+            rule = detector.config.objects
+            reports += confirmation.observe(number, frame.time_s, detection.changes, rule)
+    return placed, tuple(skipped), len(latest_reports(reports))
 
 
 def _no_better(fit: Fit, split: FrameSplit, regions: Sequence[Region], threads: int) -> str | None:

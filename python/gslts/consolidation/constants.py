@@ -14,6 +14,12 @@ MARGIN_PX = 20
 """Margin around the boxes in which held-out views are compared, px, as in updates."""
 MIN_GAIN_DB = 0.09
 """Minimum gain of validation views around the changes, dB: 2 % of their error, as in updates."""
+MAX_UNKNOWN_CHANGES = 6
+"""Maximum number of changes that the views show and the map does not. In a kitchen after 25 changes
+with updates, 60 views showed 3; they showed 15 in the state before these changes, and the fit would
+have been a mixture of both states."""
+MIN_CHANGE_VIEWS = 3
+"""Minimum number of views that show a change for it to count, as in rounds of a robot."""
 MAX_CORRECTION_M = 0.1
 """Maximum distance between the given and the aligned position of a view, m; a larger one means that
 the view cannot be aligned with the map."""

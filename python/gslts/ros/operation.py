@@ -48,8 +48,8 @@ from gslts.update.config import UpdateConfig
 WAIT_S = 0.1
 """Time between two tests for reports and requests, s."""
 HALVINGS = 1
-"""Halvings of the images in which poses are tracked: 3.4 mm median error instead of 2.6, in 0.8 of the
-time; the detector aligns each frame once more."""
+"""Halvings of the images in which poses are tracked: 3.4 mm median error instead of 2.6, in 0.8 of
+the time; the detector aligns each frame once more."""
 NEEDS_ACTIVE = "needs --active: the node may not drive the robot"
 """Reason for rejecting requests."""
 

@@ -13,6 +13,7 @@ from command import gslts as run
 from update_room import LOOP, UPDATE
 
 import gslts
+import gslts.consolidation.consolidate as consolidate_module
 from gslts.consolidation.fit import refine_regions
 from gslts.consolidation.pipeline import MapConsolidation
 from gslts.core.gaussian_map import GaussianMap
@@ -125,6 +126,18 @@ def test_another_home_leaves_the_map(folder: Path) -> None:
     done = consolidate(folder, update_room.robot_in(sim_scenes.simple_home()))
     assert done.reason is not None
     assert done.reason.startswith("validation views do not fit better: ")
+    with open_map(folder) as store:
+        assert store.version().number == 2
+
+
+def test_a_home_with_many_changes_leaves_the_map(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The room has few objects: a single change is too much here."""
+    monkeypatch.setattr(consolidate_module, "MAX_UNKNOWN_CHANGES", 0)
+    gone = replace(AFTER, objects=AFTER.without(["Box|1"]).objects)
+    with pytest.raises(ValueError, match=r"^the views show [12] changes that the map does not"):
+        consolidate(folder, update_room.robot_in(gone))
     with open_map(folder) as store:
         assert store.version().number == 2
 
