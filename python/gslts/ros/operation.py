@@ -47,6 +47,9 @@ from gslts.update.config import UpdateConfig
 
 WAIT_S = 0.1
 """Time between two tests for reports and requests, s."""
+HALVINGS = 1
+"""Halvings of the images in which poses are tracked: 3.4 mm median error instead of 2.6, in 0.8 of the
+time; the detector aligns each frame once more."""
 NEEDS_ACTIVE = "needs --active: the node may not drive the robot"
 """Reason for rejecting requests."""
 
@@ -351,5 +354,7 @@ def _keeper_config(config: NodeConfig) -> KeeperConfig:
         detection=DetectionConfig(threads=threads),
         update=update,
         extension=PRESETS["fast"].with_settings([f"threads={threads}"]),
-        relocalization=RelocalizationConfig(threads=threads) if config.locate else None,
+        relocalization=RelocalizationConfig(threads=threads, halvings=HALVINGS)
+        if config.locate
+        else None,
     )
