@@ -319,7 +319,10 @@ def main() -> None:
     origin = describe_run()
     home_map, frames = prepare(given.work, given.room, given.seed, given.still)
     numbers = measure(home_map, frames, given.work, given.minutes)
-    rows = [[name, f"{value:,.4g}"] for name, value in numbers.items()]
+    rows = [
+        [name, f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"]
+        for name, value in numbers.items()
+    ]
     state = "stands still" if given.still else "moves"
     title = f"The robot {state}, {given.minutes:g} minutes in {given.room} {given.seed}"
     table = Table(title, ["", ""], rows)
