@@ -141,7 +141,7 @@ class Ros:
 @contextlib.contextmanager
 def ros_domain() -> Iterator[Ros]:
     """Provide a domain that no other test uses, with a peer."""
-    with _own_domain() as domain:
+    with own_domain() as domain:
         ours, theirs = Pipe()
         with (
             ours,
@@ -192,7 +192,7 @@ def _environment(domain: int) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def _own_domain() -> Iterator[int]:
+def own_domain() -> Iterator[int]:
     """Lock a domain id against other test processes of this machine."""
     for domain in DOMAINS:
         path = Path(gettempdir()) / f"gslts-ros-domain-{os.getuid()}-{domain}"

@@ -20,6 +20,9 @@ def ros(
     per_round: Annotated[int, typer.Option(min=1, help="Changes before each round.")] = 2,
     viewpoints: Annotated[int, typer.Option(min=1, help="Maximum number in a round.")] = 12,
     width: Annotated[int, typer.Option(min=160, max=4096, help="Of the images, px.")] = 640,
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=10, help="Factor of the speeds of the robot.")
+    ] = 1.0,
 ) -> None:
     """Let a simulated robot live a day over ROS 2: map a room, find changes, go to an object.
 
@@ -38,9 +41,8 @@ def ros(
     if out.exists():
         raise FileExistsError(f"{out} is there already")
     out.mkdir(parents=True)
-    result = live_day(
-        out, DaySettings(room, seed, changes, per_round, viewpoints, width), typer.echo
-    )
+    settings = DaySettings(room, seed, changes, per_round, viewpoints, width, speed)
+    result = live_day(out, settings, typer.echo)
     for event in result.events:
         typer.echo(describe_event(event))
     write_plan(out / "plan.png", result)

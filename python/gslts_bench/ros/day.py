@@ -36,6 +36,7 @@ class DaySettings:
         per_round: Number of changes before each round.
         viewpoints: Maximum number of viewpoints of a round.
         width: Of the images, px.
+        speed: Factor of the speeds of the robot.
     """
 
     room: str = "living_room"
@@ -44,6 +45,7 @@ class DaySettings:
     per_round: int = 2
     viewpoints: int = 12
     width: int = 640
+    speed: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,8 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
         log(f"{step}: {seconds[step]:.0f} s")
 
     with Director(out / "bag", log) as director:
-        robot = start(out, "robot", "sim", "ros", *home, *size, "--day", f"{out}/day/day.json")
+        script = ("--day", f"{out}/day/day.json", "--speed", str(settings.speed))
+        robot = start(out, "robot", "sim", "ros", *home, *size, *script)
         try:
             map_from_world = director.odometry_from_world()
             node = start(

@@ -29,6 +29,9 @@ def ros(
     drift: Annotated[
         float, typer.Option(min=0, max=10, help="Factor of the errors of odometry; 0 for none.")
     ] = 1.0,
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=10, help="Factor of the speeds of 0.5 m/s and 1 rad/s.")
+    ] = 1.0,
     day: Annotated[
         Path | None, typer.Option(help="Changes of the home, written by gslts sim day.")
     ] = None,
@@ -64,7 +67,7 @@ def ros(
         state = SceneState(home) if script is None else script.state(home, 0)
         events = [] if script is None else [event for events in script.rounds for event in events]
         scripted = ScriptedHome(state, events, sensor)
-        robot = SimulatedRobot(scripted, sensor, (width, height), visit, drift)
+        robot = SimulatedRobot(scripted, sensor, (width, height), visit, drift, speed)
         typer.echo(f"robot in {home.name}: {len(events)} changes to come; Ctrl-C ends it")
         spin(robot, rate, interval, lambda: bool(received))
 

@@ -61,15 +61,22 @@ class SimulatedRobot:
         size: Width and height of the images, px.
         seed: Seed of the drift and of where the robot is carried.
         drift: Factor of the errors of the odometry; 0 for none.
+        speed: Factor of the speeds.
 
     Attributes:
         state: Present state; replaced as a whole, so that other threads may read it.
     """
 
     def __init__(
-        self, home: ScriptedHome, sensor: Sensor, size: tuple[int, int], seed: int, drift: float
+        self,
+        home: ScriptedHome,
+        sensor: Sensor,
+        size: tuple[int, int],
+        seed: int,
+        drift: float,
+        speed: float = 1.0,
     ) -> None:
-        self._home, self._sensor, self._size = home, sensor, size
+        self._home, self._sensor, self._size, self._speed = home, sensor, size, speed
         scene = home.scene
         x, y = start_position(scene.state.home, scene.floor).tolist()
         self._drive = Drive(PlanarPose(x, y, 0.0))
@@ -99,10 +106,10 @@ class SimulatedRobot:
         """
         self._steer()
         before, drive = self.state, self._drive
-        for turn_rad, forward_m in drive.advance(TICK_S):
+        for turn_rad, forward_m in drive.advance(TICK_S * self._speed):
             self._odometry.add(turn_rad, forward_m)
         believed = self._odometry.pose
-        most = TILT_RAD_S * TICK_S
+        most = TILT_RAD_S * TICK_S * self._speed
         self.state = RobotState(
             before.tick + 1,
             drive.pose,
