@@ -42,6 +42,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[str, di
     return once
 
 
+@pytest.mark.long
 def test_a_run_is_kept(run: Callable[..., tuple[str, dict[str, Any]]]) -> None:
     text, found = run("one")
     ids = [record["id"] for record in found["records"]]

@@ -10,6 +10,8 @@ from PIL import Image
 
 from gslts_bench.queries.run import CATEGORIES, OURS, TRADE
 
+pytestmark = pytest.mark.long
+
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
 RUN = ("bench", "queries", *SMALL, *SETTINGS, "--set", "voxel_m=0.05")
 

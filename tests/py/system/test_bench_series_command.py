@@ -12,6 +12,8 @@ from drawn import assert_drawn
 from gslts_bench.series.run import BEFORE, MAPS, REBUILT, UPDATED
 from gslts_bench.series.tables import GAIN
 
+pytestmark = pytest.mark.long
+
 SMALL = ("--room", "kitchen", "--seeds", "4:5", "--changes", "4", "--every", "2")
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
 

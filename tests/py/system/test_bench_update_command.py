@@ -12,6 +12,8 @@ from PIL import Image
 from gslts_bench.update.methods import METHODS
 from gslts_bench.update.run import MARKS
 
+pytestmark = pytest.mark.long
+
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
 RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")
 

@@ -10,6 +10,7 @@ from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.tasks import TaskMaker, generate_tasks, homes_of
 
 
+@pytest.mark.long
 def test_hundred_homes_of_each_type_are_sound():
     seeds = [(room_type, seed) for room_type in ROOM_TYPES for seed in range(100)]
     with multiprocessing.get_context("spawn").Pool(2) as pool:
