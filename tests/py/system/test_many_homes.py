@@ -4,6 +4,7 @@ import multiprocessing
 from pathlib import Path
 
 import home_checks
+import pytest
 
 from gslts_sim import ROOM_TYPES
 from gslts_sim.change_sampler import TaskSettings
