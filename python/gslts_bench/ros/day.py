@@ -24,7 +24,6 @@ from gslts_bench.series.events import is_untrue, true_events, was_found
 from gslts_sim.day import ChangeEvent, read_day
 from gslts_sim.task import Change
 
-
 RATE_HZ = "3"
 """Frames per second of the robot: each takes 0.14 s of a core that the node lacks."""
 
