@@ -81,7 +81,7 @@ def move(folder: Path, before: Box, after: Box) -> None:
     """Add a version in which the box has moved."""
     with open_map(folder, writable=True) as store:
         old = store.read()
-        low, high = np.array(before) + [[-0.01], [0.01]]
+        low, high = np.array(before[0]) - 0.01, np.array(before[1]) + 0.01
         rows = ((old.means >= low) & (old.means <= high)).all(axis=1)
         # The floor and the walls stay: of the box are Gaussians inside of the room.
         rows &= (old.means > 0.01).all(axis=1)
