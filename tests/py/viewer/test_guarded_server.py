@@ -3,7 +3,7 @@
 import http.client
 import socket
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 
 import msgspec
 import pytest
@@ -42,8 +42,9 @@ def page(server: viser.ViserServer, **options: object) -> ClientConnection:
 
 
 def assert_closed(connection: ClientConnection, code: int) -> None:
-    for _ in connection:  # Until it is closed; an error if it is not closed in order.
-        pass
+    with suppress(ConnectionClosed):
+        while True:
+            connection.recv(timeout=60)
     assert connection.close_code == code
 
 
