@@ -111,7 +111,7 @@ def rows_by_cell(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Indices
     keys = cell_keys(gaussian_map.means, edge_m)
     order = np.argsort(keys, kind="stable")
     cells, starts = np.unique(keys[order], return_index=True)
-    return dict(zip(cells.tolist(), np.split(order, starts[1:]), strict=True))
+    return dict(zip(cells.tolist(), np.split(order, starts)[1:], strict=True))
 
 
 def block_edge_m(gaussian_map: GaussianMap) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -12,14 +13,11 @@ from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import numpy as np
 
-from gslts.core.camera import Camera
 from gslts.io.atomic_files import write_atomic
 from gslts.io.splat import splat_rows
-from gslts.store.camera_files import cameras_of_map
 from gslts.viewer.blocks import rows_by_cell
 from gslts.viewer.overlay import MOVED, box_edges, boxes_of_event
 from gslts.viewer.viewed_map import ViewedMap
@@ -55,11 +53,15 @@ def export_page(folder: Path, out: Path, max_versions: int, bar: Bar = iter) -> 
         for number in bar(numbers)
     ]
     ends = np.cumsum([0, *map(len, blocks)]).tolist()
-    first_view = next(iter(cameras_of_map(folder).values()), None)
+    position, target, fov_rad = viewed.first_view()
     scene = {
         "versions": versions,
         "blocks": list(pairwise(ends)),
-        "view": _view(viewed, first_view),
+        "view": {
+            "position": position.tolist(),
+            "target": target.tolist(),
+            "fov_deg": math.degrees(fov_rad),
+        },
     }
     files = resources.files("gslts.viewer")
     page = Template(files.joinpath("exported.html").read_text("utf-8")).substitute(
@@ -98,24 +100,6 @@ def _lines(viewed: ViewedMap, number: int) -> dict[str, list[float]]:
             lines += (segments - viewed.origin).round(3).ravel().tolist()
             colors += [channel / 255 for channel in color] * (2 * len(segments))
     return {"lines": lines, "colors": colors}
-
-
-def _view(viewed: ViewedMap, camera: Camera | None) -> dict[str, Any]:
-    """Return where the page looks from first."""
-    if camera is None:
-        middle = viewed.gaussians(viewed.newest).means.mean(axis=0, dtype=np.float64)
-        return {
-            "position": (middle - (0, 4, -2)).tolist(),
-            "target": middle.tolist(),
-            "fov_deg": 60,
-        }
-    pose = camera.world_from_camera
-    position = pose[:3, 3] - viewed.origin
-    return {
-        "position": position.tolist(),
-        "target": (position + 2 * pose[:3, 2]).tolist(),
-        "fov_deg": float(np.rad2deg(2 * np.arctan(camera.height / 2 / camera.fy))),
-    }
 
 
 def _buttons(viewed: ViewedMap, numbers: Sequence[int]) -> str:

@@ -69,11 +69,13 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
     except OSError as error:
-        raise OSError(f"{host}, port {port}: {error.strerror}; give another --port") from None
+        reason = str(error.strerror).partition(" (")[0]  # Python adds the address.
+        raise OSError(f"{host}, port {port}: {reason}; give another --port or --host") from None
     with _guarding(bound, token) as guarded:
         server = viser.ViserServer(host, port, label, verbose=False)
     if not guarded:  # A viser that serves in another manner must not serve unguarded.
         server.stop()
+        bound.close()
         raise RuntimeError(f"viser {viser.__version__} is not known to be safe: install 1.1")
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()

@@ -43,10 +43,9 @@ class Page:
     Args:
         client: Of viser.
         viewed: The map.
-        first_view: Camera from which the page looks first; None for a map without cameras.
     """
 
-    def __init__(self, client: Any, viewed: ViewedMap, first_view: Camera | None) -> None:
+    def __init__(self, client: Any, viewed: ViewedMap) -> None:
         self._client, self._map = client, viewed
         self._overlay = Overlay(client.scene, viewed.origin)
         self._splats = Splats(client.scene)
@@ -55,12 +54,8 @@ class Page:
         self._tasks: dict[str, Callable[[], None]] = {}
         self._changed = threading.Condition()
         self._is_open = True
-        if first_view is not None:
-            pose = first_view.world_from_camera
-            client.camera.fov = float(2 * np.arctan(first_view.height / 2 / first_view.fy))
-            self._look(pose[:3, 3], pose[:3, 3] + 2 * pose[:3, 2])
-        self._build_panel()
-        self.post("show", self._show_version)
+        self._problem = client.gui.add_html("")
+        self.post("begin", self._begin)
         threading.Thread(target=self._work, daemon=True).start()
 
     def close(self) -> None:
@@ -90,7 +85,8 @@ class Page:
         Args:
             problem: In words; "" for none.
         """
-        self._map_problem.content = _paragraphs([problem] if problem else [])
+        lines = [problem] if problem else []
+        self.post("problem", lambda: setattr(self._map_problem, "content", _paragraphs(lines)))
 
     def _work(self) -> None:
         while True:
@@ -99,18 +95,25 @@ class Page:
                 if not self._is_open:
                     return
                 task = self._tasks.pop(next(iter(self._tasks)))
-            problem = []
+            problem: list[str] = []
             try:
                 task()
             except (OSError, ValueError, RuntimeError, ImportError) as error:
                 problem = [" ".join(str(error).split())]
             except Exception:  # Whatever a page sends, the next wish is heard.
                 _logger.exception("%s: a page asked for what failed", self._map.name)
-            self._problem.content = _paragraphs(problem)
+            if self._is_open:
+                self._problem.content = _paragraphs(problem)
+
+    def _begin(self) -> None:
+        position, target, self._client.camera.fov = self._map.first_view()
+        self._look(position, target)
+        self._build_panel()
+        self._show_version()
 
     def _build_panel(self) -> None:
         gui, newest = self._client.gui, self._map.newest
-        self._map_problem, self._problem = gui.add_html(""), gui.add_html("")
+        self._map_problem = gui.add_html("")
         with gui.add_folder("Version"):
             self._slider = gui.add_slider(
                 "Version", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
@@ -262,14 +265,15 @@ class Page:
         ]
         if views:
             camera = min(views, key=lambda view: view[0])[1]
-            self._look(camera.world_from_camera[:3, 3], point)
+            position = camera.world_from_camera[:3, 3]
+            self._look(position - self._map.origin, point - self._map.origin)
 
     def _look(self, position: Floats, target: Floats) -> None:
         camera = self._client.camera
         with self._client.atomic():
             camera.up_direction = (0.0, 0.0, 1.0)
-            camera.position = position - self._map.origin
-            camera.look_at = target - self._map.origin
+            camera.position = position
+            camera.look_at = target
 
     def _show_cameras(self) -> None:
         self._overlay.clear("cameras")

@@ -44,6 +44,8 @@ takes 100 MB with its blocks."""
 NEAR_M = 0.03
 """Distance around a point on a surface in which Gaussians are taken to name it, and by which it may
 lie outside of the box of its object, m: the noise of depth."""
+DEFAULT_FOV_RAD = 1.0
+"""Vertical field of view of the pages of a map without cameras, rad."""
 MAX_IMAGE_BYTES = 4 << 20
 """Maximum size of the image of an update; usual ones take some 100 kB."""
 ARRIVAL_M = 1.0
@@ -153,6 +155,23 @@ class ViewedMap:
         """
         with open_history(self._folder) as store:
             return list(cameras_of_store(store, number).values())
+
+    def first_view(self) -> tuple[Floats, Floats, float]:
+        """Return from where a page looks first: as the first camera does, or from outside.
+
+        Returns:
+            (3,) position and (3,) target, relative to the origin of the map, m; and the vertical
+            field of view, rad.
+        """
+        cameras = self.cameras(self.newest)
+        if cameras:
+            pose, camera = cameras[0].world_from_camera, cameras[0]
+            position = pose[:3, 3] - self.origin
+            fov_rad = 2 * float(np.arctan(camera.height / 2 / camera.fy))
+            return position, position + 2 * pose[:3, 2], fov_rad
+        means = self.gaussians(self.newest).means.astype(np.float64)
+        middle, size_m = (means.mean(axis=0), means.std()) if len(means) else (np.zeros(3), 1.0)
+        return middle + size_m * np.array([0.0, -4.0, 2.0]), middle, DEFAULT_FOV_RAD
 
     def changes(self, before: int, after: int) -> dict[str, tuple[Track, TrackEvent]]:
         """Return the object changes that separate two versions.

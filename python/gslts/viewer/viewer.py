@@ -6,7 +6,6 @@ import threading
 from pathlib import Path
 from typing import Any, Self
 
-from gslts.store.camera_files import cameras_of_map
 from gslts.viewer.guarded_server import open_server
 from gslts.viewer.page import Page
 from gslts.viewer.viewed_map import ViewedMap
@@ -44,7 +43,6 @@ class Viewer:
     ) -> None:
         self._map = ViewedMap(folder, clip)
         self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
-        first_view = next(iter(cameras_of_map(folder).values()), None)
         self._pages: dict[int, Page] = {}
         self._server: Any = open_server(host, port, self._map.name, token)
         name = f"[{host}]" if ":" in host else host
@@ -52,7 +50,7 @@ class Viewer:
 
         @self._server.on_client_connect
         async def _(client: Any) -> None:
-            self._pages[client.client_id] = Page(client, self._map, first_view)
+            self._pages[client.client_id] = Page(client, self._map)
 
         @self._server.on_client_disconnect
         async def _(client: Any) -> None:

@@ -48,7 +48,7 @@ def test_rounded_centres_give_a_warning(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("map", "a.obj"), "gslts: a.obj: must end in .ply or .splat"),
+        (("map", "a.obj"), "gslts: a.obj: must end in .ply, .splat or .html"),
         (("map", "there.ply"), "gslts: there.ply is there already"),
         (("gone", "a.ply"), "gone"),
         (("there.ply", "a.splat"), "there.ply"),

@@ -61,7 +61,8 @@ def test_versions(page: Page, room: Path) -> None:
     assert 0 < page.received - whole < 0.3 * whole
 
 
-def test_objects_and_words(page: Page) -> None:
+def test_objects_and_words(page: Page, room: Path) -> None:
+    page.wait_for_image(room, MIDDLE)
     page.page.mouse.click(*page.pixel((3.0, 2.4, 0.2)))
     page.wait_for_text("Box, 0.40 x 0.40 x 0.40 m, there since version 3")
     page.wait_for_text("3: Box moved from (1000.30, -1997.30, 3.20) m")
@@ -90,9 +91,13 @@ def test_exported_page(room: Path, tmp_path: Path) -> None:
     assert "3 version(s)" in done.stdout
     with browser_page((tmp_path / "out" / "room.html").as_uri()) as page:
         page.page.wait_for_selector("body[data-shown='2']")
+        panel = page.page.locator("#panel summary")
+        panel.click()  # It hides what is compared.
         page.wait_for_image(room, MIDDLE)
+        panel.click()
         page.page.get_by_role("button", name="Version 1").click()
         page.page.wait_for_selector("body[data-shown='0']")
+        panel.click()
         page.wait_for_image(room.with_name("room@1"), BOX)
         assert page.psnr_db(room.with_name("room@3"), BOX) < SAME_DB
         assert page.errors == []
