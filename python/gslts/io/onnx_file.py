@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 MAX_FILE_BYTES = 1 << 30
-"""Maximum size of a file, 1 GiB; bounds the memory that a wrong file takes. The largest of the usual
-detectors have 0.3 GiB."""
+"""Maximum size of a file, 1 GiB; bounds the memory that a wrong file takes. The largest of the
+usual detectors have 0.3 GiB."""
 MAX_SIDE_PX = 4096
 """Maximum side of the input image of a model, px; bounds the memory of a damaged or hostile one."""
 

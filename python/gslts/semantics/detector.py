@@ -132,7 +132,9 @@ def _open_darknet(path: Path) -> tuple[Network, Size]:
         raise ValueError(f"{cfg}: it is larger than {MAX_CFG_BYTES >> 20} MiB")
     text = cfg.read_text(encoding="utf-8", errors="replace")
     width, height, channels = (
-        int(found[1]) if (found := re.search(rf"^\s*{key}\s*=\s*(\d{{1,6}})\s*$", text, re.M)) else 0
+        int(found[1])
+        if (found := re.search(rf"^\s*{key}\s*=\s*(\d{{1,6}})\s*$", text, re.M))
+        else 0
         for key in ("width", "height", "channels")
     )
     if channels != 3 or not 0 < width <= MAX_SIDE_PX or not 0 < height <= MAX_SIDE_PX:
@@ -144,7 +146,9 @@ def _open_darknet(path: Path) -> tuple[Network, Size]:
         net: Any = cv2.dnn.readNetFromDarknet(str(cfg), str(path))
         names = net.getUnconnectedOutLayersNames()
     except cv2.error as error:
-        raise ValueError(f"{path}: its weights do not fit {cfg.name}: {first_line(error)}") from None
+        raise ValueError(
+            f"{path}: its weights do not fit {cfg.name}: {first_line(error)}"
+        ) from None
 
     def run(pixels: Floats32) -> list[Floats32]:
         net.setInput(pixels)

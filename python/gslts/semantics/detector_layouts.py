@@ -18,7 +18,8 @@ STRIDES = (8, 16, 32, 64)
 ANCHORS = 3
 """Boxes per cell of YOLOv5."""
 DISTANCE_BINS = 8
-"""Bins of a distribution over distances from a cell to a side of its box, reg_max + 1 of NanoDet."""
+"""Bins of a distribution over distances from a cell to a side of its box: reg_max + 1 of
+NanoDet."""
 
 Shape = tuple[int, ...]
 Size = tuple[int, int]
@@ -90,7 +91,9 @@ def recognize_layout(shapes: Sequence[Shape], size: Size, classes: int, forced: 
     listed = ", ".join(str(list(shape)) for shape in shapes)
     if not fitting:
         kind = forced or f"any layout ({', '.join(LAYOUTS)})"
-        raise ValueError(f"its outputs {listed} for images of {size[0]}x{size[1]} are not of {kind}")
+        raise ValueError(
+            f"its outputs {listed} for images of {size[0]}x{size[1]} are not of {kind}"
+        )
     counts = " or ".join(f"{count} ({name})" for name, count in fitting.items())
     raise ValueError(f"it has {counts} classes, but there are {classes} names")
 

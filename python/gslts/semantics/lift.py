@@ -14,20 +14,20 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.types import Bools, Floats32
+from gslts.types import Floats32, Ints32
 
-FeatureView = tuple[Camera, Floats32, Bools]
-"""Camera, feature image [H,W,D], and mask [H,W] of the pixels that have a feature."""
+FeatureView = tuple[Camera, Ints32, Floats32]
+"""Camera, labels [H,W] of the pixels, -1 for none, and the feature of each label [S,D]."""
 
 
 def lift_features(
     gaussian_map: GaussianMap, views: Iterable[FeatureView], dims: int, threads: int = 0
 ) -> Floats32:
-    """Compute the features of all Gaussians from feature images.
+    """Compute the features of all Gaussians from labelled images.
 
     Args:
         gaussian_map: float32.
-        views: Feature images.
+        views: Labels and their features; numbers that are 0 for all labels of a view cost nothing.
         dims: Length of a feature, D.
         threads: 0 uses one per hardware thread; does not change results.
 
@@ -37,9 +37,10 @@ def lift_features(
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     sums = np.zeros((gaussian_map.size, dims), np.float32)
     weights = np.zeros((gaussian_map.size, 1), np.float32)
-    for camera, features, known in views:
-        rasterizer.forward(gaussian_map, camera, options, mask=known)
-        lifted = rasterizer.lift(features)
-        sums[lifted.rows] += lifted.weighted_features
+    for camera, labels, features in views:
+        columns = np.flatnonzero(features.any(axis=0))
+        rasterizer.forward(gaussian_map, camera, options, mask=labels >= 0)
+        lifted = rasterizer.lift(features[:, columns][labels])
+        sums[np.ix_(lifted.rows, columns)] += lifted.weighted_features
         weights[lifted.rows, 0] += lifted.weights
     return np.asarray(np.divide(sums, weights, out=sums, where=weights > 0), np.float32)

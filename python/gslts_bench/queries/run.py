@@ -169,7 +169,7 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         )
         embedding_s = time.perf_counter() - start_s
         queries = SemanticQueries(
-            replace(gaussian_map, features=semantics.features), semantics.autoencoder, oracle
+            replace(gaussian_map, features=semantics.features), semantics.codec, oracle
         )
         return {
             "gaussians": gaussian_map.size,

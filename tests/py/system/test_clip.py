@@ -267,7 +267,7 @@ def test_queries_for_red_and_blue_find_the_boxes(tmp_path: Path) -> None:
     found = embed_semantics(gaussian_map, frames, source, code_dims=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
     with_features = replace(gaussian_map, features=found.features)
-    queries = SemanticQueries(with_features, found.autoencoder, source)
+    queries = SemanticQueries(with_features, found.codec, source)
     for word, position in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
         best = queries.find(word)[0]
         np.testing.assert_allclose(best.center[:2], position, atol=0.1)
