@@ -24,8 +24,8 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicates
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_source, open_text_source
-from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
+from gslts.semantics.source import CANONICAL
 from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
@@ -292,7 +292,7 @@ def test_commands_add_semantics_and_answer_queries(
         assert result.exit_code == 0, result.output
         return result.stdout
 
-    with pytest.raises(ValueError, match="needs both models: --clip DIR and --sam DIR"):
+    with pytest.raises(ValueError, match="the source clip needs --clip and --sam, got --clip"):
         run(*add, *clip)
     run(*add, *clip, *sam, "--code-dims", "8", "--threads", "1")
     recorded = read_semantics(tmp_path / "map")

@@ -143,16 +143,15 @@ def test_gradient_steps_lower_the_error() -> None:
     for frame in frames():
         segments = Oracle().segments(frame)
         codes = found.codec.encode(segments.embeddings)
-        labels = segments.labels[0]
-        views.append((frame.camera, codes[labels], labels >= 0))
+        views.append((frame.camera, segments.labels[0], codes))
 
     def error(features: np.ndarray) -> float:
         changed = replace(gaussian_map, features=features)
         return float(
             np.mean(
                 [
-                    np.abs(render(changed, camera).features - wanted)[known].mean()
-                    for camera, wanted, known in views
+                    np.abs(render(changed, camera).features - codes[labels])[labels >= 0].mean()
+                    for camera, labels, codes in views
                 ]
             )
         )
