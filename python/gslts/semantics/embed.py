@@ -11,7 +11,7 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.lift import FeatureView, lift_features
+from gslts.semantics.lift import FeatureView, lift_codes, lift_features
 from gslts.semantics.refine import refine_features
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.semantics.vocabulary import NOUNS
@@ -94,7 +94,7 @@ def _embed_classes(
             segments = source.segments(frame)
             yield frame.camera, segments.labels[0], codec.encode(segments.embeddings)
 
-    features = lift_features(gaussian_map, views(), codec.code_dims, threads)
+    features = lift_codes(gaussian_map, views(), codec, threads)
     return SemanticFeatures(features, codec, source.names)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.categories import classify_gaussians
+from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.files import read_semantics
-from gslts.semantics.lift import FeatureView, lift_features
+from gslts.semantics.lift import FeatureView, lift_codes
 from gslts.semantics.registry import open_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Bools, Indices
@@ -22,6 +23,9 @@ _logger = logging.getLogger(__name__)
 
 MIN_MAJORITY = 0.5
 """Share of the classified Gaussians of an object that must agree on its name: a majority."""
+MIN_NAME_SCORE = 0.02
+"""Minimum mean score of the class of a detector that names an object. That there is an object is
+known, so that it is less than a query needs: a detection of score 0.25 in one of eight views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,21 +104,28 @@ class MapSemantics:
                     level_views[level].append((frame.camera, wanted, codes))
         features = gaussian_map.features.copy()
         for level, feature_views in enumerate(level_views):
-            lifted = lift_features(gaussian_map, feature_views, code_dims, threads)
+            lifted = lift_codes(gaussian_map, feature_views, self.codec, threads)
             changed = stale & lifted.any(axis=1)
             features[changed, level * code_dims : (level + 1) * code_dims] = lifted[changed]
         return replace(gaussian_map, features=features)
 
     def name_of(self, gaussian_map: GaussianMap, rows: Indices) -> str | None:
-        """Name the object that Gaussians belong to, by majority vote.
+        """Name the object that Gaussians belong to.
+
+        By majority vote, or by the greatest mean score of the classes of a detector.
 
         Args:
             gaussian_map: With features.
             rows: [K] rows of the Gaussians of the object.
 
         Returns:
-            The name; None if no name has a majority among the Gaussians that match one.
+            The name; None if no name has a majority among the Gaussians that match one, or if the
+            detector saw none.
         """
+        if isinstance(self.codec, ClassCodec):
+            scores = gaussian_map.features[rows, 1:].sum(axis=0) / max(1, len(rows))
+            best = int(scores.argmax())
+            return self.names[best] if scores[best] >= MIN_NAME_SCORE else None
         classes = classify_gaussians(gaussian_map, rows, self.codec, self.source, self.names)
         counts = np.bincount(classes + 1, minlength=2)[1:]  # Without class -1.
         best = int(counts.argmax())

@@ -35,6 +35,9 @@ FLANN_KDTREE_SINGLE = 4
 """FLANN's exact k-d tree; OpenCV has no Python name for it."""
 MIN_GAUSSIANS = 12
 """Minimum number of Gaussians of a cluster, and of an object between two pieces."""
+MIN_SHARE_OF_PEAK, PEAK = 0.4, 0.95
+"""Minimum score of a Gaussian of an object as a share of the object's peak, this quantile of its
+scores. Class scores of a detector fall off around an object, where masks of some views reach."""
 MIN_SHARE_OF_LARGEST = 0.1
 """Minimum size of an object as a share of the largest one's number of Gaussians; removes fragments
 of blurred borders."""
@@ -196,6 +199,10 @@ class SemanticQueries:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
         points = self._points[indices]
         labels = _cluster(points)
+        kept = scores >= MIN_SHARE_OF_PEAK * _peaks(scores, labels)
+        if not kept.all():
+            indices, scores, points = indices[kept], scores[kept], points[kept]
+            labels = _cluster(points)
         counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
         large = np.flatnonzero(counts >= MIN_GAUSSIANS)
         pieces = [np.flatnonzero(labels == label) for label in large]
@@ -247,6 +254,15 @@ def checked_text(text: str) -> str:
             f"SemanticQueries: text: expected up to {MAX_CHARACTERS} characters, got {len(text)}"
         )
     return text
+
+
+def _peaks(scores: Floats32, labels: Indices) -> Floats32:
+    """Return [K] for each point the peak of the scores of its cluster; 0 for noise."""
+    peaks = np.zeros_like(scores)
+    for label in range(labels.max(initial=-1) + 1):
+        own = labels == label
+        peaks[own] = np.quantile(scores[own], PEAK)
+    return peaks
 
 
 def _cluster(points: Floats) -> Indices:
