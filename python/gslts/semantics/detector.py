@@ -12,7 +12,14 @@ import cv2
 import numpy as np
 
 from gslts.io.onnx_file import MAX_SIDE_PX, check_size, first_line, image_input, open_onnx
-from gslts.semantics.detector_layouts import LAYOUTS, Candidates, Layout, Size, recognize_layout
+from gslts.semantics.detector_layouts import (
+    DARKNET,
+    LAYOUTS,
+    Candidates,
+    Layout,
+    Size,
+    recognize_layout,
+)
 from gslts.types import Bools, Bytes, Floats32, Indices
 
 DEFAULT_SIDE_PX = 640
@@ -71,6 +78,7 @@ class Detector:
         self._path = path
         if path.suffix == ".weights":
             self._network, self._size = _open_darknet(path)
+            layout = layout or DARKNET
         else:
             self._network, self._size = _open_onnx(path)
         width, height = self._size

@@ -21,6 +21,9 @@ DISTANCE_BINS = 8
 """Bins of a distribution over distances from a cell to a side of its box: reg_max + 1 of
 NanoDet."""
 
+DARKNET = "darknet"
+"""Key of the layout of all networks of Darknet, as OpenCV gives their outputs."""
+
 Shape = tuple[int, ...]
 Size = tuple[int, int]
 """Width and height of the input of a network, px."""
@@ -72,7 +75,7 @@ def recognize_layout(shapes: Sequence[Shape], size: Size, classes: int, forced: 
         shapes: Of its outputs.
         size: Width and height of its input, px.
         classes: Number of names.
-        forced: Name of the layout, if known.
+        forced: Key of the layout, if known; `DARKNET` is never guessed.
 
     Returns:
         A key of `LAYOUTS`.
@@ -82,7 +85,7 @@ def recognize_layout(shapes: Sequence[Shape], size: Size, classes: int, forced: 
     """
     if forced is not None and forced not in LAYOUTS:
         raise ValueError(f"--layout: expected one of {', '.join(LAYOUTS)}, got {forced}")
-    names = LAYOUTS if forced is None else [forced]
+    names = [name for name in LAYOUTS if name != DARKNET] if forced is None else [forced]
     implied = {name: LAYOUTS[name].classes(shapes, size) for name in names}
     fitting = {name: count for name, count in implied.items() if count is not None and count > 0}
     for name, count in fitting.items():
@@ -256,6 +259,6 @@ LAYOUTS = {
         (57.375, 57.12, 58.395),
     ),
     "fastestdet": Layout(_classes_fastestdet, _decode_fastestdet, "stretch", True),
-    "darknet": Layout(_classes_darknet, _decode_darknet, "stretch"),
+    DARKNET: Layout(_classes_darknet, _decode_darknet, "stretch"),
 }
 """Layouts by name; YOLOv8 stands for YOLOv11 too, with and without masks."""
