@@ -14,6 +14,9 @@ FOLDER_VARIABLE, FOLDER = "WNSEARCHDIR", "/usr/share/wordnet"
 """Environment variable of WordNet that names the folder of its files, and where Debian has them."""
 MAX_FILE_BYTES = 1 << 26
 """Maximum size of a file, 64 MiB; the largest of WordNet 3.0 has 15 MB."""
+MAX_MEANINGS = 2
+"""Number of meanings of a noun, the most frequent first, that have synonyms: a stool is a seat, and
+only fourth a toilet."""
 ENDINGS = (
     ("ches", "ch"),
     ("shes", "sh"),
@@ -61,7 +64,7 @@ def noun_synonyms(text: str) -> tuple[str, ...]:
         return ()
     words: list[str] = []
     with (folder / "data.noun").open("rb") as file:
-        for offset in offsets:
+        for offset in offsets[:MAX_MEANINGS]:
             file.seek(offset)
             # Offset, file, type, number of words, then each word with its sense.
             fields = file.readline(1 << 16).decode("ascii", "replace").split(" ")
