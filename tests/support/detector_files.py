@@ -35,7 +35,7 @@ def write_constant(path: Path, outputs: Sequence[Output], width: int, height: in
 
 
 def write_color_detector(path: Path, colors: Sequence[tuple[int, int, int]], side_px: int) -> None:
-    """Write a detector of colours in FastestDet's layout, with boxes of a share of the image.
+    """Write a detector of colours in FastestDet's layout, with boxes of 0.16 of the image.
 
     Args:
         path: The ONNX file.
@@ -43,15 +43,17 @@ def write_color_detector(path: Path, colors: Sequence[tuple[int, int, int]], sid
         side_px: Side of the square input.
     """
     cells = side_px // 16
-    # Scores fall from 1 to 0 at a distance of colour of 0.25.
+    # Scores fall from 1 to 0 at a distance of chromaticity of 0.1, whatever the light.
     nodes = [
         helper.make_node(
-            "AveragePool", ["image"], ["mean"], kernel_shape=[16, 16], strides=[16, 16]
-        )
+            "AveragePool", ["image"], ["cell"], kernel_shape=[16, 16], strides=[16, 16]
+        ),
+        helper.make_node("ReduceSum", ["cell", "channels"], ["sum"]),
+        helper.make_node("Div", ["cell", "sum"], ["mean"]),
     ]
     constants, scores = [], []
     for number, color in enumerate(colors):
-        bgr = np.array(color[::-1], np.float32).reshape(1, 3, 1, 1) / 255
+        bgr = np.array(color[::-1], np.float32).reshape(1, 3, 1, 1) / sum(color)
         constants.append(numpy_helper.from_array(bgr, f"color_{number}"))
         nodes += [
             helper.make_node("Sub", ["mean", f"color_{number}"], [f"difference_{number}"]),
@@ -65,10 +67,12 @@ def write_color_detector(path: Path, colors: Sequence[tuple[int, int, int]], sid
         scores.append(f"score_{number}")
     head = np.zeros((1, 5, cells, cells), np.float32)
     head[:, 0] = 1
-    head[:, 3:5] = np.log(0.3 / 0.7)  # Boxes of 0.3 of the image.
-    for name, value in (("slope", 4.0), ("unit", 1.0), ("zero", 0.0), ("most", 0.95)):
+    head[:, 1:3] = np.arctanh(0.5)  # Middle of the cell.
+    head[:, 3:5] = np.log(0.16 / 0.84)
+    for name, value in (("slope", 10.0), ("unit", 1.0), ("zero", 0.0), ("most", 0.95)):
         constants.append(numpy_helper.from_array(np.array(value, np.float32), name))
     constants.append(numpy_helper.from_array(head, "head"))
+    constants.append(numpy_helper.from_array(np.array([1], np.int64), "channels"))
     nodes.append(helper.make_node("Concat", ["head", *scores], ["output"], axis=1))
     shape = (1, 5 + len(colors), cells, cells)
     info = helper.make_tensor_value_info("output", TensorProto.FLOAT, shape)
@@ -80,7 +84,7 @@ def _save(
 ) -> None:
     image = helper.make_tensor_value_info("image", TensorProto.FLOAT, input_shape)
     graph = helper.make_graph(nodes, "detector", [image], outputs, constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 12)])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
     model.ir_version = 8
     checker.check_model(model)
     save_model(model, path)

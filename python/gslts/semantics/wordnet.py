@@ -24,12 +24,13 @@ ENDINGS = (
     ("xes", "x"),
     ("zes", "z"),
     ("ves", "f"),
+    ("oes", "o"),
     ("ies", "y"),
     ("men", "man"),
     ("s", ""),
 )
-"""Endings of plurals and of their singulars: the rules of detachment of morphy(7WN), and -ves,
-which WordNet lists word by word."""
+"""Endings of plurals and of their singulars: the rules of detachment of morphy(7WN), and -ves
+and -oes, which WordNet lists word by word."""
 
 
 def singular_forms(text: str) -> list[str]:
