@@ -78,9 +78,7 @@ def main() -> None:
         "frames": len(used),
         "semantic features, s": embedding_s,
         "gaussians": [gaussian_map.size, large.size],
-        "index for queries, s": median_s(
-            lambda: SemanticQueries(large, semantics.codec, oracle)
-        ),
+        "index for queries, s": median_s(lambda: SemanticQueries(large, semantics.codec, oracle)),
         "query, s": float(np.median(list(queries_s.values()))),
         "queries, s": queries_s,
         "semantic map, s": [

@@ -7,7 +7,7 @@ among the views without it, and near views, which have more pixels, count more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.semantics.box_masks import box_mask
 from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.class_names import ClassNames, read_class_names
-from gslts.semantics.detector import Detector
+from gslts.semantics.detector import Detections, Detector
 from gslts.semantics.masks import paint_labels
 from gslts.semantics.source import Segments
 from gslts.semantics.text_model import TextModel
@@ -32,7 +32,7 @@ class DetectorSource:
 
     Args:
         names: Names of the classes.
-        detector: Detects objects; None if only texts are encoded.
+        detector: Detects the objects of a frame; None if only texts are encoded.
         columns: [C] for each class of the detector, its row in `names`; -1 leaves it out. None
             means that they are the same.
 
@@ -47,7 +47,7 @@ class DetectorSource:
     def __init__(
         self,
         names: ClassNames,
-        detector: Detector | None = None,
+        detector: Callable[[RgbdFrame], Detections] | None = None,
         columns: Indices | None = None,
     ) -> None:
         self.names = names.names
@@ -78,7 +78,7 @@ class DetectorSource:
         detector = Detector(model, len(columns), layout)
         return cls(
             ClassNames(all_names, None if text_model is None else TextModel(text_model)),
-            detector,
+            lambda frame: detector(frame.rgb),
             columns,
         )
 
@@ -107,7 +107,7 @@ class DetectorSource:
         if self._detector is None:
             raise ValueError("DetectorSource: it has no detector to segment frames with")
         frame = frame.registered()
-        found = self._detector(frame.rgb)
+        found = self._detector(frame)
         columns = self._columns[found.classes]
         kept = np.flatnonzero(columns >= 0)
         distributions = np.zeros((1 + len(kept), self.dims), np.float32)
