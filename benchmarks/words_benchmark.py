@@ -1,4 +1,4 @@
-"""Words of a detector in real rooms: what is found, what is found falsely, how new objects are named.
+"""Words of a detector in real rooms: what is found, found falsely, and how new objects are named.
 
     python benchmarks/words_benchmark.py DATA --json benchmarks/results/words.json
 

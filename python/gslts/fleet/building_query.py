@@ -61,7 +61,7 @@ def query_building(
     """See `Building.query`."""
     if not text.strip():
         raise ValueError("WORDS: expected the name of an object, got nothing")
-    sources: dict[tuple[str, str | None], SemanticSource] = {}
+    sources: dict[tuple[object, ...], SemanticSource] = {}
 
     def open_source(cause: SemanticsCause) -> SemanticSource:
         key = (cause.source, tuple(sorted(cause.models.items())), cause.names)

@@ -34,8 +34,9 @@ MIN_DEPTH_M = 0.05
 """The same, at least, for flat objects, m."""
 MIN_OBJECT_SHARE = 0.08
 """Minimum share of a box that its object covers; with less, its middle starts GrabCut."""
-GRABCUT_STEPS = 2
-"""Iterations of GrabCut."""
+GRABCUT_STEPS, MIN_COLORS = 2, 8
+"""Iterations of GrabCut, and minimum number of pixels of the object and of the background: it fits
+five colours to each."""
 
 
 def box_mask(rgb: Bytes, depth: Floats32, camera: Camera, box: Floats32) -> Bools:
@@ -132,7 +133,8 @@ def _surroundings(points: Floats) -> list[tuple[Floats, float]]:
         Unit normal (3,) and offset of each plane: normal . x = offset.
     """
     rest = points[:: max(1, len(points) // PLANE_POINTS)]
-    least, planes = max(8.0, MIN_PLANE_SHARE * len(rest)), []
+    least = max(8.0, MIN_PLANE_SHARE * len(rest))
+    planes: list[tuple[Floats, float]] = []
     rng = np.random.default_rng(0)
     while len(planes) < MAX_PLANES and len(rest) >= least:
         corners = rest[rng.integers(len(rest), size=(PLANE_TRIALS, 3))]
@@ -169,15 +171,13 @@ def _on_planes(points: Floats, planes: list[tuple[Floats, float]]) -> Bools:
 
 def _grabcut(rgb: Bytes, labels: Bytes, inside: Bools) -> Bools:
     """Refine labels by colours; return the object, or the initial one if little is left."""
-    start = labels == cv2.GC_PR_FGD
-    if (labels == cv2.GC_BGD).sum() < 8 or start.all():
+    start: Bools = labels == cv2.GC_PR_FGD
+    if min(np.count_nonzero(start), np.count_nonzero(~start)) < MIN_COLORS:
         return start
-    refined = labels.copy()
+    refined, image = labels.copy(), np.ascontiguousarray(rgb)
     cv2.setRNGSeed(0)  # GrabCut clusters colours at random.
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(
-        np.ascontiguousarray(rgb), refined, None, *models, GRABCUT_STEPS, cv2.GC_INIT_WITH_MASK
-    )
-    found = (refined == cv2.GC_PR_FGD) | (refined == cv2.GC_FGD)
+    models, no_box = (np.zeros((1, 65)), np.zeros((1, 65))), (0, 0, 1, 1)
+    cv2.grabCut(image, refined, no_box, *models, GRABCUT_STEPS, cv2.GC_INIT_WITH_MASK)
+    found: Bools = refined == cv2.GC_PR_FGD
     enough = MIN_OBJECT_SHARE * np.count_nonzero(inside)
-    return np.asarray(found if np.count_nonzero(found) >= enough else start)
+    return found if np.count_nonzero(found) >= enough else start

@@ -109,8 +109,9 @@ class Detector:
                 f"the layout {self.layout}; give another one with --layout"
             )
         height, width = rgb.shape[:2]
-        boxes = (found.boxes - np.tile(offset, 2)) / np.tile(scale, 2)
-        boxes = boxes.clip(0, np.array([width, height] * 2)).astype(np.float32)
+        limits = np.array([width, height, width, height], np.float32)
+        boxes = np.asarray((found.boxes - np.tile(offset, 2)) / np.tile(scale, 2), np.float32)
+        boxes = boxes.clip(0, limits)
         classes = found.scores.argmax(axis=1)
         kept = _suppress(boxes, best, classes)
         masks = None
@@ -183,8 +184,9 @@ def _prepare(rgb: Bytes, size: Size, layout: Layout) -> tuple[Floats32, Floats32
     image[top : top + inner[1], left : left + inner[0]] = cv2.resize(rgb, inner, interpolation=how)
     if layout.is_bgr:
         image = image[..., ::-1]
-    image = (image - np.array(layout.mean, np.float32)) / np.array(layout.std, np.float32)
-    return np.ascontiguousarray(image.transpose(2, 0, 1)[None]), scale, offset
+    mean, std = (np.array(values, np.float32) for values in (layout.mean, layout.std))
+    pixels = np.ascontiguousarray(((image - mean) / std).transpose(2, 0, 1)[None])
+    return pixels, scale, offset
 
 
 def _suppress(boxes: Floats32, scores: Floats32, classes: Indices) -> Indices:

@@ -20,7 +20,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.source import Codec
-from gslts.types import Floats32, Indices, Ints32
+from gslts.types import Floats32, Indices, Ints32, UInts32
 
 FeatureView = tuple[Camera, Ints32, Floats32]
 """Camera, labels [H,W] of the pixels, -1 for none, and the feature of each label [S,D]."""
@@ -78,7 +78,7 @@ def lift_features(
 
 def _lifted(
     gaussian_map: GaussianMap, views: Iterable[FeatureView], threads: int
-) -> Iterator[tuple[Indices, Indices, Floats32, Floats32]]:
+) -> Iterator[tuple[UInts32, Indices, Floats32, Floats32]]:
     """Lift views: rows [V] of Gaussians, columns [C], weighted features [V,C], weights [V].
 
     Columns that are 0 for all labels of a view are left out.
@@ -88,4 +88,5 @@ def _lifted(
         columns = np.flatnonzero(features.any(axis=0))
         rasterizer.forward(gaussian_map, camera, options, mask=labels >= 0)
         lifted = rasterizer.lift(features[:, columns][labels])
-        yield lifted.rows, columns, lifted.weighted_features, lifted.weights
+        weighted = np.asarray(lifted.weighted_features, np.float32)
+        yield lifted.rows, columns, weighted, np.asarray(lifted.weights, np.float32)

@@ -311,11 +311,9 @@ class SemanticsCause(_Cause):
     Attributes:
         source: Model that gave the embeddings or classes.
         dataset: Recording that the features were computed from.
-        levels: Levels of masks; each has its own code.
-        code_dims: Length of a code.
+        levels, code_dims: Levels of masks, and length of the code of each.
         names: Words that the source knows, the classes of a detector; empty for an open vocabulary.
-        models: Folder or file of each model, and of the names of a detector.
-        layout: Layout of the outputs of a detector, if it was given.
+        models, layout: Folder or file of each model; layout of a detector's outputs, if given.
         autoencoder: SHA-256 of the file of the autoencoder; None for a detector.
     """
 

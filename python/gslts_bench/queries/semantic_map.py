@@ -69,6 +69,7 @@ def read_semantic_map(bench: BenchHome) -> SemanticMap:
         found = embed_semantics(gaussian_map, mapped_frames(bench), Oracle(), CODE, threads=1)
         part.mkdir()
         np.save(part / "features.npy", found.features)
+        assert isinstance(found.codec, Autoencoder)
         content = autoencoder_bytes(found.codec)
         write_atomic(part / f"{hashlib.sha256(content).hexdigest()}.safetensors", content)
 
