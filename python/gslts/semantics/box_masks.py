@@ -17,7 +17,7 @@ from gslts.types import Bools, Bytes, Floats, Floats32
 MARGIN_SHARE, MIN_MARGIN_PX = 0.2, 4
 """Width of the surroundings of a box as a share of its sides, and at least so many pixels."""
 MAX_SIDE_PX = 96
-"""Maximum side of a box and its surroundings when they are segmented; bounds time. The masks are
+"""Maximum sides of a box and its surroundings when they are segmented; bounds time. The masks are
 lifted to Gaussians of centimetres, and several views average their borders."""
 PLANE_TRIALS, PLANE_POINTS, MAX_PLANES = 64, 400, 3
 """Random planes tried, points that they are fitted to, and planes of the surroundings of a box:
@@ -56,8 +56,8 @@ def box_mask(rgb: Bytes, depth: Floats32, camera: Camera, box: Floats32) -> Bool
     margins = [max(MIN_MARGIN_PX, round(MARGIN_SHARE * n)) for n in (right - left, bottom - top)]
     x0, x1 = max(0, left - margins[0]), min(width, right + margins[0])
     y0, y1 = max(0, top - margins[1]), min(height, bottom + margins[1])
-    step = -(-max(x1 - x0, y1 - y0) // MAX_SIDE_PX)
-    rows, columns = np.arange(y0, y1, step), np.arange(x0, x1, step)
+    down, across = -(-(y1 - y0) // MAX_SIDE_PX), -(-(x1 - x0) // MAX_SIDE_PX)
+    rows, columns = np.arange(y0, y1, down), np.arange(x0, x1, across)
     z = np.nan_to_num(depth[np.ix_(rows, columns)]).astype(np.float64)
     inside = ((rows >= top) & (rows < bottom))[:, None] & ((columns >= left) & (columns < right))
     rays = np.empty((*z.shape, 3))
@@ -66,9 +66,9 @@ def box_mask(rgb: Bytes, depth: Floats32, camera: Camera, box: Floats32) -> Bool
     rays[..., 2] = 1
     side = max((right - left) / camera.fx, (bottom - top) / camera.fy)
     seed = _seed(z, rays * z[..., None], inside, side)
-    small = _grabcut(rgb[y0:y1:step, x0:x1:step], seed, inside)
+    small = _grabcut(rgb[y0:y1:down, x0:x1:across], seed, inside)
     mask = np.zeros((height, width), np.bool_)
-    large = small.repeat(step, axis=0).repeat(step, axis=1)[: y1 - y0, : x1 - x0]
+    large = small.repeat(down, axis=0).repeat(across, axis=1)[: y1 - y0, : x1 - x0]
     mask[y0:y1, x0:x1] = large
     outside = np.ones_like(mask)
     outside[top:bottom, left:right] = False

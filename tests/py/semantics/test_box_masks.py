@@ -79,7 +79,14 @@ def test_masks_are_repeatable_and_within_the_box() -> None:
 
 
 @pytest.mark.parametrize(
-    "box", [(0, 0, 160, 120), (159.6, 119.6, 160, 120), (0, 0, 0.2, 0.2), (-9, 50, 3, 200)]
+    "box",
+    [
+        (0, 0, 160, 120),
+        (159.6, 119.6, 160, 120),
+        (0, 0, 0.2, 0.2),
+        (-9, 50, 3, 200),
+        (0, 60, 160, 61),
+    ],
 )
 def test_any_box_has_a_mask(box: tuple[float, ...]) -> None:
     rgb, depth, _ = scene(0.12)
