@@ -8,7 +8,7 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.semantics.detector import Detections
-from gslts.types import Floats32
+from gslts.types import Bools, Floats32
 
 MISSED, FALSE, WRONG = 0.3, 0.1, 0.1
 """Shares of the visible objects that are missed in an image, that have a false detection beside
@@ -29,11 +29,12 @@ class NoisyDetector:
     Args:
         names: Names of the classes; other objects are not detected.
         seed: For the errors.
+        masks: Whether detections have masks, those of the labels; false ones are rectangles.
     """
 
-    def __init__(self, names: Sequence[str], seed: int) -> None:
+    def __init__(self, names: Sequence[str], seed: int, *, masks: bool = False) -> None:
         self._number = {name: number for number, name in enumerate(names)}
-        self._rng = np.random.default_rng(seed)
+        self._rng, self._masks = np.random.default_rng(seed), masks
 
     def __call__(self, frame: RgbdFrame) -> Detections:
         """Detect the objects of an image.
@@ -49,8 +50,10 @@ class NoisyDetector:
         rng, height, width = self._rng, *frame.rgb.shape[:2]
         boxes: list[Floats32] = []
         classes: list[int] = []
+        masks: list[Bools] = []
         for instance, name in enumerate(frame.labels.types):
-            box = _box_of(frame.labels.instances == instance)
+            mask = frame.labels.instances == instance
+            box = _box_of(mask)
             if name not in self._number or box is None:
                 continue
             if rng.random() >= MISSED:
@@ -58,20 +61,26 @@ class NoisyDetector:
                 boxes.append((box + rng.normal(0, SIDE_ERROR, 4) * sides).astype(np.float32))
                 is_wrong = rng.random() < WRONG
                 classes.append(self._any() if is_wrong else self._number[name])
+                masks.append(mask)
             if rng.random() < FALSE:
                 corner, size = rng.random(2) * (width, height), rng.uniform(0.05, 0.4, 2) * width
                 boxes.append(np.concatenate([corner, corner + size]).astype(np.float32))
                 classes.append(self._any())
+                (left, top), (right, bottom) = corner.astype(int), (corner + size).astype(int)
+                false = np.zeros((height, width), np.bool_)
+                false[top:bottom, left:right] = True
+                masks.append(false)
         limits = np.array([width, height, width, height], np.float32)
         clipped = np.array(boxes, np.float32).reshape(-1, 4).clip(0, limits)
         scores = rng.uniform(*SCORES, len(boxes)).astype(np.float32)
-        return Detections(clipped, scores, np.array(classes, np.intp))
+        stacked = np.array(masks, np.bool_).reshape(-1, height, width) if self._masks else None
+        return Detections(clipped, scores, np.array(classes, np.intp), stacked)
 
     def _any(self) -> int:
         return int(self._rng.integers(len(self._number)))
 
 
-def _box_of(mask: np.ndarray) -> Floats32 | None:
+def _box_of(mask: Bools) -> Floats32 | None:
     """Return left, top, right and bottom of a mask [H,W], px; None if it is too small."""
     if np.count_nonzero(mask) < MIN_PIXELS:
         return None

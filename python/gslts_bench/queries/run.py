@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
@@ -45,7 +45,7 @@ class Variant:
         refine: Steps of gradient descent after the closed form.
         width, height: Size of the images, px; 0 means that of the run.
         frames_share: Share of the frames of the run.
-        detector: Whether boxes of a `NoisyDetector` are used instead of the labels.
+        detector: "boxes" or "masks" of a `NoisyDetector` that are used instead of the labels.
     """
 
     code: int = 32
@@ -53,7 +53,7 @@ class Variant:
     width: int = 0
     height: int = 0
     frames_share: float = 1.0
-    detector: bool = False
+    detector: Literal["", "boxes", "masks"] = ""
 
     def home(self, bench: BenchHome) -> BenchHome:
         """Return a home with the recording of this variant.
@@ -80,7 +80,10 @@ ABLATION = {
     "images of 300x300": Variant(width=300, height=300),
     "60 % of the frames": Variant(frames_share=0.6),
 }
-DETECTOR = {"detector": Variant(detector=True)}
+DETECTOR = {
+    "detector of boxes": Variant(detector="boxes"),
+    "detector with masks": Variant(detector="masks"),
+}
 """Variants that differ from the default in one setting, and a detector with errors."""
 
 
@@ -169,7 +172,7 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         bench = variant.home(self.bench)
         source: SemanticSource = Oracle()
         if variant.detector:
-            source = _noisy_source(bench)
+            source = _noisy_source(bench, masks=variant.detector == "masks")
         gaussian_map = read_map(bench.map())
         start_s = time.perf_counter()
         frames = mapped_frames(bench)
@@ -188,11 +191,11 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         }
 
 
-def _noisy_source(bench: BenchHome) -> DetectorSource:
+def _noisy_source(bench: BenchHome, *, masks: bool) -> DetectorSource:
     """Return a source with a detector of all types of a home that detectors know."""
     types = {known.type for known in bench.default_state().home.objects}
     names = sorted({*types, *CATEGORIES} - {*SURFACES})
-    return DetectorSource(ClassNames(names), NoisyDetector(names, bench.seed))
+    return DetectorSource(ClassNames(names), NoisyDetector(names, bench.seed, masks=masks))
 
 
 def units_of(
