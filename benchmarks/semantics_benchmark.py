@@ -71,16 +71,14 @@ def main() -> None:
     embedding_s = time.perf_counter() - start_s
     gaussian_map = replace(gaussian_map, features=semantics.features)
     large = tile(gaussian_map, arguments.gaussians)
-    queries = SemanticQueries(large, semantics.autoencoder, oracle)
+    queries = SemanticQueries(large, semantics.codec, oracle)
     queries_s = {name: median_s(lambda name=name: queries.find(name)) for name in semantics.names}
-    layers = Categories(semantics.names, semantics.autoencoder, oracle)
+    layers = Categories(semantics.names, semantics.codec, oracle)
     results = {
         "frames": len(used),
         "semantic features, s": embedding_s,
         "gaussians": [gaussian_map.size, large.size],
-        "index for queries, s": median_s(
-            lambda: SemanticQueries(large, semantics.autoencoder, oracle)
-        ),
+        "index for queries, s": median_s(lambda: SemanticQueries(large, semantics.codec, oracle)),
         "query, s": float(np.median(list(queries_s.values()))),
         "queries, s": queries_s,
         "semantic map, s": [

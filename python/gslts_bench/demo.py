@@ -233,7 +233,7 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
     """Ask the map for an object and send the robot there; return both as images."""
     semantics, gaussian_map = MapSemantics.of_map(folder), read_map(folder)
     assert semantics is not None  # They were added above.
-    navigator = Navigator(gaussian_map, semantics.autoencoder, semantics.source, categories=[name])
+    navigator = Navigator(gaussian_map, semantics.codec, semantics.source, categories=[name])
     found = navigator.queries.find(name)
     images = []
     if found:

@@ -39,17 +39,17 @@ def embedded_map() -> tuple[GaussianMap, SemanticFeatures]:
         folder.mkdir()
         found = embed_semantics(gaussian_map, frames(), Oracle(), 8, threads=1)
         np.save(folder / "features.npy", found.features)
-        save_file(dict(found.autoencoder.weights), folder / "autoencoder.safetensors")
+        save_file(dict(found.codec.weights), folder / "autoencoder.safetensors")
         (folder / "names.json").write_text(json.dumps(found.names))
 
     folder = made_once("change_room_semantics", make)
     features = np.load(folder / "features.npy")
-    autoencoder = Autoencoder(load_file(folder / "autoencoder.safetensors"))
+    codec = Autoencoder(load_file(folder / "autoencoder.safetensors"))
     names = tuple(json.loads((folder / "names.json").read_text()))
-    return replace(gaussian_map, features=features), SemanticFeatures(features, autoencoder, names)
+    return replace(gaussian_map, features=features), SemanticFeatures(features, codec, names)
 
 
 def map_semantics() -> MapSemantics:
     """Return the semantics of the map, as updates need them."""
     _, found = embedded_map()
-    return MapSemantics(Oracle(), found.autoencoder, found.names)
+    return MapSemantics(Oracle(), found.codec, found.names)

@@ -113,8 +113,6 @@ POOLING_SIGMAS = (0.006, 0.02)
 GRADIENT_FLOOR = 0.02
 """Constant feature, brightness per pixel: gradients well below it, the noise of a sensor, do not
 change the cosine of plain surfaces."""
-MAX_MODEL_SIDE_PX = 4096
-"""Maximum side of the input image of a model, px; bounds the memory of a damaged or hostile one."""
 
 # Visibility.
 VISIBILITY_RANGE_M = 10.0

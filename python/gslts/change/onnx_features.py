@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from gslts.change.constants import MAX_MODEL_SIDE_PX
+from gslts.io.onnx_file import image_input, open_onnx
 from gslts.types import Floats32
 
 DEFAULT_SIDE_PX = 1024
 """Side of the input image where the model leaves it open, px: that of EfficientSAM (Xiong et al.
 2024), which normalizes colours itself."""
-MAX_FILE_BYTES = 1 << 31
-"""Maximum size of the file, 2 GiB; bounds the memory that a wrong file takes."""
 
 
 class OnnxEncoder:
@@ -32,23 +29,11 @@ class OnnxEncoder:
     """
 
     def __init__(self, path: Path, threads: int = 1) -> None:
-        try:
-            import onnxruntime
-        except ImportError:
-            raise ImportError("onnx features need onnxruntime: pip install 'gslts[onnx]'") from None
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise ValueError(f"{path}: it is larger than {MAX_FILE_BYTES >> 30} GiB")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        content = path.read_bytes()
-        try:
-            self._session: Any = onnxruntime.InferenceSession(
-                content, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime has no public base class for its errors.
-            raise ValueError(f"{path}: it is no ONNX model: {error}") from None
-        self._path = path
-        self._input, self._size = self._check_input()
+        self._path, self._session = path, open_onnx(path, threads)
+        self._input, self._size = image_input(self._session, path, DEFAULT_SIDE_PX)
+        shape = self._session.get_outputs()[0].shape
+        if len(shape) not in (0, 4):  # No shape is given where the model leaves it open.
+            raise ValueError(f"{path}: expected features [1,D,h,w], got {shape}")
 
     def __call__(self, rgb: Floats32) -> Floats32:
         """Compute [h,w,D] features; see `FeatureExtractor`.
@@ -68,22 +53,3 @@ class OnnxEncoder:
         if output.ndim != 4 or output.shape[0] != 1:
             raise ValueError(f"{self._path}: expected features [1,D,h,w], got {output.shape}")
         return np.ascontiguousarray(output[0].transpose(1, 2, 0), np.float32)
-
-    def _check_input(self) -> tuple[str, tuple[int, int]]:
-        """Check the shapes of the model; return name, and width and height, px, of its input."""
-        path = self._path
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        shape = list(inputs[0].shape) if inputs else []
-        # A side that is left open has a name, or None.
-        channels = shape[1] if len(shape) == 4 else 0
-        if len(inputs) != 1 or (isinstance(channels, int) and channels != 3):
-            shapes = ", ".join(str(tensor.shape) for tensor in inputs)
-            raise ValueError(f"{path}: expected one input [1,3,H,W], got {shapes or 'none'}")
-        if inputs[0].type != "tensor(float)":
-            raise ValueError(f"{path}: expected an input of float32, got {inputs[0].type}")
-        if any(isinstance(side, int) and not 0 < side <= MAX_MODEL_SIDE_PX for side in shape[2:]):
-            raise ValueError(f"{path}: images of {shape} are larger than {MAX_MODEL_SIDE_PX} px")
-        if len(outputs[0].shape) not in (0, 4):  # No shape is given where the model leaves it open.
-            raise ValueError(f"{path}: expected features [1,D,h,w], got {outputs[0].shape}")
-        height, width = (side if isinstance(side, int) else DEFAULT_SIDE_PX for side in shape[2:])
-        return inputs[0].name, (width, height)

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gslts.change.constants import MAX_MODEL_SIDE_PX
+from gslts.io.onnx_file import MAX_SIDE_PX
 from gslts.types import Floats32
 
 
@@ -49,9 +49,9 @@ class TransformersEncoder:
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
         if not isinstance(side, int) or not isinstance(patch, int):
             raise ValueError(f"{folder}: its configuration lacks image_size or patch_size")
-        if not 0 < patch <= side <= MAX_MODEL_SIDE_PX:
+        if not 0 < patch <= side <= MAX_SIDE_PX:
             raise ValueError(
-                f"{folder}: image_size must be in {patch}..{MAX_MODEL_SIDE_PX} px, got {side}"
+                f"{folder}: image_size must be in {patch}..{MAX_SIDE_PX} px, got {side}"
             )
         if self._model.main_input_name != "pixel_values":
             raise ValueError(f"{folder}: a {type(self._model).__name__} is no encoder of images")

@@ -77,7 +77,13 @@ WritableMap = Annotated[
         help="Folder of a map, or the URL of a shared one, to which new versions are pushed.",
     ),
 ]
-Clip = Annotated[
+TextModelFolder = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="CLIP of the semantics of the map, if it was moved."),
+    typer.Option(
+        "--text-model",
+        "--clip",
+        metavar="DIR",
+        help="Sentence embeddings for words beyond those of a detector, or the CLIP of the map, "
+        "if it was moved.",
+    ),
 ]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.arguments import Clip
+from gslts.cli.arguments import TextModelFolder
 from gslts.cli.mapping import Threads
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def show(
 def query(
     file: File,
     text: Text,
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
 ) -> None:
@@ -140,7 +140,7 @@ def query(
     from gslts.cli.query import describe_instance
     from gslts.fleet.building import Building
 
-    answer = Building.read(file).query(text, clip, threads)
+    answer = Building.read(file).query(text, text_model, threads)
     _print_silent(answer)
     if as_json:
         found = [{"room": item.room, **item.instance.to_json()} for item in answer.found]
@@ -172,7 +172,7 @@ def go(
     after: Annotated[
         int, typer.Option(min=0, help="Rounds of the day, or changes of the task, to skip.")
     ] = 0,
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
 ) -> None:
     """Navigate through doors to the nearest object that matches a text.
 
@@ -193,7 +193,7 @@ def go(
     opened = Building.read(file)
     if start is not None and start[0] not in opened.rooms:
         opened.map_path(start[0])
-    answer = opened.query(text, clip)
+    answer = opened.query(text, text_model)
     _print_silent(answer)
     if start is not None:
         route = opened.plan(answer, np.array(start[1:]), start[0])
@@ -206,7 +206,7 @@ def go(
         opened,
         answer,
         open_robot(robot).robot(after),
-        clip,
+        text_model,
         on_route=lambda route: _print_route(route, text),
     )
     if result.status != "reached":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.arguments import Clip, MapFolder
+from gslts.cli.arguments import MapFolder, TextModelFolder
 from gslts.cli.mapping import BAR
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def semantic_map(
     radius: Radius = 0.2,
     height: Height = 1.2,
     step: Step = 0.02,
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
 ) -> None:
     """Make a 2D semantic map: obstacles, explored area, and a layer per category.
 
@@ -57,7 +57,7 @@ def semantic_map(
     body = RobotBody(radius_m=radius, height_m=height, step_m=step)
     layers = None
     if category:
-        layers = Categories(tuple(category), *open_text_semantics(map_path, clip))
+        layers = Categories(tuple(category), *open_text_semantics(map_path, text_model))
     result = make_semantic_map(read_map(map_path), body, layers, cell)
     out.mkdir(parents=True, exist_ok=True)
     write_map_server(result, out)
@@ -87,7 +87,7 @@ def go(
         typer.Option("--watch", help="Detect changes on the way, and update the map with them."),
     ] = False,
     out: Annotated[Path, typer.Option(help="PNG of the path.")] = Path("go.png"),
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
 ) -> None:
     """Navigate a robot to the nearest object that matches a text, and look at it.
 
@@ -112,7 +112,9 @@ def go(
     if watch and robot is None:
         raise ValueError("--watch needs a --robot: in the map, nothing changes")
     opened = None if robot is None else open_robot(robot).robot(after)
-    navigator = None if watch else Navigator.of_map(map_path, categories=[text], clip=clip)
+    navigator = (
+        None if watch else Navigator.of_map(map_path, categories=[text], text_model=text_model)
+    )
     with tqdm(total=MAX_MOVES, desc="going", bar_format=BAR, disable=None) as bar:
 
         def on_move() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.arguments import Clip, MapFolder
+from gslts.cli.arguments import MapFolder, TextModelFolder
 from gslts.cli.mapping import Threads
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def query(
     map_path: MapFolder,
     text: Annotated[str, typer.Argument(help='Object to find, such as "alarm clock".')],
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     image: Annotated[
         Path | None, typer.Option(help="PNG to write: a heat map of relevance, and the boxes.")
@@ -33,8 +33,10 @@ def query(
     """
     from gslts.semantics.queries import SemanticQueries
 
-    queries = SemanticQueries.of_map(map_path, clip, threads)
+    queries = SemanticQueries.of_map(map_path, text_model, threads)
     instances = queries.find(text)
+    if explanation := queries.explain(text):
+        typer.echo(explanation, err=True)
     if as_json:
         typer.echo(json.dumps([instance.to_json() for instance in instances]))
     elif not instances:

@@ -19,6 +19,7 @@ class Source(StrEnum):
 
     ORACLE = "oracle"
     CLIP = "clip"
+    DETECTOR = "detector"
 
 
 def semantics(
@@ -26,7 +27,10 @@ def semantics(
     dataset: Dataset,
     source: Annotated[
         Source,
-        typer.Option(help="oracle: ground-truth labels of the dataset; clip: SAM and CLIP."),
+        typer.Option(
+            help="oracle: ground-truth labels of the dataset; clip: SAM and CLIP; "
+            "detector: a detector or instance segmentation network."
+        ),
     ] = Source.ORACLE,
     clip: Annotated[
         Path | None,
@@ -34,6 +38,26 @@ def semantics(
     ] = None,
     sam: Annotated[
         Path | None, typer.Option(metavar="DIR", help="SAM of transformers: config, safetensors.")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Detector: .onnx, or .weights of Darknet with its .cfg beside it."
+        ),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Names of the classes of the detector, one per line."),
+    ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(help="Layout of the outputs of the detector, if it is not recognized."),
+    ] = None,
+    text_model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Model of sentence embeddings: model.onnx and tokenizer.json."
+        ),
     ] = None,
     code_dims: Annotated[
         int, typer.Option(min=8, max=64, help="Length of the semantic feature of a Gaussian.")
@@ -48,6 +72,8 @@ def semantics(
     Example: gslts semantics out/map out/day/before
 
     Example: gslts semantics out/map out/visit --source clip --clip models/clip --sam models/sam
+
+    Example: gslts semantics out/map out/visit --source detector --model yolo.onnx --names names.txt
     """
     import time
 
@@ -55,7 +81,8 @@ def semantics(
 
     from gslts.semantics.add_semantics import add_semantics
 
-    models = {name: folder for name, folder in (("clip", clip), ("sam", sam)) if folder}
+    given = {"clip": clip, "sam": sam, "model": model, "names": names, "text_model": text_model}
+    models = {name: path for name, path in given.items() if path}
     start_s = time.perf_counter()
     version = add_semantics(
         map_path,
@@ -63,6 +90,7 @@ def semantics(
         source.value,
         models,
         code_dims=code_dims,
+        layout=layout,
         refine=refine,
         threads=threads,
         progress=lambda frames: tqdm(frames, desc="semantics", unit="frame", disable=None),

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from gslts.cli.arguments import Clip, MapFolder
+from gslts.cli.arguments import MapFolder, TextModelFolder
 
 # Imports of commands are inside the functions, so that `gslts --help` answers at once.
 
@@ -29,7 +29,7 @@ def view(
             help="Secret of 16 characters or more that a browser must show.",
         ),
     ] = None,
-    clip: Clip = None,
+    text_model: TextModelFolder = None,
 ) -> None:
     """Show a map and its history in the browser, and follow new versions.
 
@@ -40,7 +40,7 @@ def view(
     from gslts.cli.run import stop_signals
     from gslts.viewer.viewer import Viewer
 
-    with stop_signals() as received, Viewer(map_path, host, port, token, clip) as viewer:
+    with stop_signals() as received, Viewer(map_path, host, port, token, text_model) as viewer:
         ending = "/?token=TOKEN" if token else ""
         typer.echo(f"open {viewer.url}{ending} in a browser; Ctrl-C ends it")
         while not received:

@@ -105,14 +105,14 @@ class Building:
         start_s = time.time() - DAY_S if since_s is None else since_s
         return self.for_each_room(lambda room: read_room_history(self.map_path(room), start_s))
 
-    def query(self, text: str, clip: Path | None = None, threads: int = 0) -> BuildingAnswer:
+    def query(self, text: str, text_model: Path | None = None, threads: int = 0) -> BuildingAnswer:
         """Find the objects in all rooms that match a text.
 
         An object that the maps of two rooms show, through a door, is found once.
 
         Args:
             text: Such as "alarm clock".
-            clip: Folder of the CLIP of the maps, if it was moved.
+            text_model: Folder of a text model; see `open_text_source`.
             threads: For CLIP; 0 uses the default of torch.
 
         Returns:
@@ -124,7 +124,7 @@ class Building:
         """
         from gslts.fleet.building_query import query_building
 
-        return query_building(self, text, clip, threads)
+        return query_building(self, text, text_model, threads)
 
     def plan(
         self,

@@ -56,17 +56,17 @@ class BuildingAnswer:
 
 
 def query_building(
-    building: Building, text: str, clip: Path | None = None, threads: int = 0
+    building: Building, text: str, text_model: Path | None = None, threads: int = 0
 ) -> BuildingAnswer:
     """See `Building.query`."""
     if not text.strip():
         raise ValueError("WORDS: expected the name of an object, got nothing")
-    sources: dict[tuple[str, str | None], SemanticSource] = {}
+    sources: dict[tuple[object, ...], SemanticSource] = {}
 
     def open_source(cause: SemanticsCause) -> SemanticSource:
-        key = (cause.source, cause.models.get("clip"))
+        key = (cause.source, tuple(sorted(cause.models.items())), cause.names)
         if key not in sources:  # Loading CLIP takes seconds.
-            sources[key] = open_text_source(cause, clip, threads)
+            sources[key] = open_text_source(cause, text_model, threads)
         return sources[key]
 
     def find(room: str) -> list[FoundObject] | None:
@@ -74,9 +74,9 @@ def query_building(
         semantics = read_semantics(path)
         if semantics is None:
             return None
-        cause, autoencoder = semantics
+        cause, codec = semantics
         gaussian_map = read_map(path)
-        queries = SemanticQueries(gaussian_map, autoencoder, open_source(cause))
+        queries = SemanticQueries(gaussian_map, codec, open_source(cause))
         pose = building.rooms[room].pose
         return [
             FoundObject(

@@ -42,7 +42,7 @@ def go_through_building(
     building: Building,
     answer: BuildingAnswer,
     robot: Robot,
-    clip: Path | None = None,
+    text_model: Path | None = None,
     on_route: Callable[[Route], None] = lambda _: None,
     on_move: Callable[[], None] = lambda: None,
 ) -> BuildingTripResult:
@@ -54,7 +54,7 @@ def go_through_building(
         building: The building.
         answer: Of a query.
         robot: Its frame is that of the building.
-        clip: Folder of the CLIP of the maps, if it was moved.
+        text_model: Folder of a text model; see `open_text_source`.
         on_route: Called with each route before the robot takes it.
         on_move: Called after each move.
 
@@ -81,7 +81,7 @@ def go_through_building(
                 break
         else:
             leg = route.legs[-1]
-            navigator = Navigator.of_map(building.map_path(leg.room), clip=clip)
+            navigator = Navigator.of_map(building.map_path(leg.room), text_model=text_model)
             result = navigator.go(_in_map(robot, planner.floor(leg.room)), answer.text, on_move)
             length_m += result.length_m
             if result.status == "reached":

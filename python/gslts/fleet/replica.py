@@ -255,7 +255,7 @@ class Replica(MapStore):
                 yield "trajectory", folder / TRAJECTORY
         if isinstance(cause, UpdateCause | ExtensionCause) and cause.landmarks is not None:
             yield "landmarks", landmark_path(folder, cause.landmarks)
-        if isinstance(cause, SemanticsCause):
+        if isinstance(cause, SemanticsCause) and cause.autoencoder is not None:
             yield "autoencoder", autoencoder_path(folder, cause.autoencoder)
         if (image := update_image_path(folder, number)).exists():
             yield "image", image

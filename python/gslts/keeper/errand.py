@@ -90,7 +90,7 @@ def run_errand(
     for _ in range(MAX_ATTEMPTS):
         version = keeper.version.number
         navigator = Navigator(
-            keeper.gaussian_map, semantics.autoencoder, semantics.source, categories=[text]
+            keeper.gaussian_map, semantics.codec, semantics.source, categories=[text]
         )
         result = navigator.go(watched, text, on_move)
         keeper.integrate(robot, keeper.reports())

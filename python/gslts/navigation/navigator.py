@@ -12,11 +12,10 @@ from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.trip import NavigationResult, Trip
 from gslts.navigation.viewpoints import Target
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import Categories
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_text_semantics
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import Codec, SemanticSource
 from gslts.store.map_folder import read_map
 
 
@@ -25,7 +24,7 @@ class Navigator:
 
     Args:
         gaussian_map: float32, with features.
-        autoencoder: Decodes the features.
+        codec: Decodes the features.
         source: Encodes texts.
         body: Size of the robot; None for the default.
         categories: Names of the layers of the semantic map; none is needed for navigation.
@@ -37,22 +36,22 @@ class Navigator:
         semantic_map: 2D map of obstacles, explored area and categories.
 
     Raises:
-        ValueError: The features do not fit the autoencoder, or the map is empty.
+        ValueError: The features do not fit the codec, or the map is empty.
     """
 
     def __init__(
         self,
         gaussian_map: GaussianMap,
-        autoencoder: Autoencoder,
+        codec: Codec,
         source: SemanticSource,
         body: RobotBody | None = None,
         categories: Sequence[str] = (),
     ) -> None:
         self.body = RobotBody() if body is None else body
         self.gaussian_map, self.source = gaussian_map, source
-        self.queries = SemanticQueries(gaussian_map, autoencoder, source)
+        self.queries = SemanticQueries(gaussian_map, codec, source)
         self.semantic_map: SemanticMap = make_semantic_map(
-            gaussian_map, self.body, Categories(tuple(categories), autoencoder, source)
+            gaussian_map, self.body, Categories(tuple(categories), codec, source)
         )
 
     @classmethod
@@ -61,7 +60,7 @@ class Navigator:
         path: Path,
         body: RobotBody | None = None,
         categories: Sequence[str] = (),
-        clip: Path | None = None,
+        text_model: Path | None = None,
         threads: int = 0,
     ) -> Navigator:
         """Read a map folder for navigation.
@@ -70,7 +69,7 @@ class Navigator:
             path: A map folder with semantic features, or a version of it such as MAP@3.
             body: Size of the robot; None for the default.
             categories: Names of the layers of the semantic map.
-            clip: Folder of its CLIP, if it was moved.
+            text_model: Folder of a text model; see `open_text_source`.
             threads: For CLIP; 0 uses the default of torch.
 
         Returns:
@@ -81,8 +80,8 @@ class Navigator:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        autoencoder, source = open_text_semantics(path, clip, threads)
-        return cls(read_map(path), autoencoder, source, body, categories)
+        codec, source = open_text_semantics(path, text_model, threads)
+        return cls(read_map(path), codec, source, body, categories)
 
     def go(
         self, robot: Robot, text: str, on_move: Callable[[], None] = lambda: None

@@ -157,7 +157,7 @@ def _category_layers(
     selected = surfaces.largest_per_voxel(grid.cell_m)
     rows, row_of = np.unique(surfaces.rows[selected], return_inverse=True)
     classes = classify_gaussians(
-        gaussian_map, rows, categories.autoencoder, categories.source, categories.names
+        gaussian_map, rows, categories.codec, categories.source, categories.names
     )[row_of]
     points = surfaces.points[selected]
     return [grid.mask(points[classes == number]) for number in range(len(categories.names))]

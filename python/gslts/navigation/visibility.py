@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import inverse_transform
-from gslts.semantics.relevance import CANONICAL, relevance
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import CANONICAL, SemanticSource
 from gslts.types import Bools, Floats, Indices
 
 DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_SHARE = 0.03, 0.025
@@ -55,7 +54,7 @@ def matching_points(points: Floats, frame: RgbdFrame, source: SemanticSource, te
     segments = source.segments(frame)
     query, canonical = source.encode([text])[0], source.encode(CANONICAL)
     to_query, to_canonical = segments.embeddings @ query, segments.embeddings @ canonical.T
-    is_match = relevance(to_query, to_canonical) >= source.threshold
+    is_match = source.relevance(to_query, to_canonical) >= source.threshold
     inside, rows, columns, _ = _project(points, frame.camera)
     labels = segments.labels[:, rows, columns]
     result: Bools = inside & np.append(is_match, False)[labels].any(axis=0)  # -1 is the last.

@@ -67,7 +67,7 @@ class QueryLane:
         if semantics is None:
             raise ValueError(f"{self._map_path}: it has no words; gslts semantics adds them")
         if self._made is None or self._made[0] is not gaussian_map:
-            queries = SemanticQueries(gaussian_map, semantics.autoencoder, semantics.source)
+            queries = SemanticQueries(gaussian_map, semantics.codec, semantics.source)
             self._made = gaussian_map, queries
         found = self._made[1].find(words)
         with open_history(self._map_path) as history:  # SQLite serves the thread that opened it.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslts.datasets import open_dataset
+from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.files import write_autoencoder
 from gslts.semantics.registry import open_source
@@ -22,10 +23,11 @@ Progress = Callable[[Iterable[Any]], Iterable[Any]]
 def add_semantics(
     map_path: Path,
     dataset: Path,
-    source: Literal["oracle", "clip"] = "oracle",
+    source: Literal["oracle", "clip", "detector"] = "oracle",
     models: dict[str, Path] | None = None,
     *,
     code_dims: int = 32,
+    layout: str | None = None,
     refine: int = 0,
     threads: int = 0,
     progress: Progress = lambda frames: frames,
@@ -35,9 +37,11 @@ def add_semantics(
     Args:
         map_path: Folder of the map.
         dataset: The dataset that the map was made from.
-        source: "oracle" for ground-truth labels, "clip" for SAM and CLIP.
-        models: Folders of weights; see `open_source`.
-        code_dims: Length of a code, d.
+        source: "oracle" for ground-truth labels, "clip" for SAM and CLIP, "detector" for a detector
+            or an instance segmentation network.
+        models: Folders or files of weights and names; see `open_source`.
+        code_dims: Length of a code, d, of an autoencoder.
+        layout: Layout of the outputs of a detector; None recognizes it.
         refine: Number of gradient steps after lifting.
         threads: 0 uses one per hardware thread.
         progress: Wraps the iterable of frames, such as tqdm.
@@ -52,7 +56,7 @@ def add_semantics(
             segment a frame.
     """
     models = {name: folder.resolve() for name, folder in (models or {}).items()}
-    segmenter = open_source(source, models, threads)
+    segmenter = open_source(source, models, threads, layout)
     opened, cameras = open_dataset(dataset), cameras_of_map(map_path)
     used = [frame for frame in opened.frames if frame.name in cameras]
     if not used:
@@ -68,14 +72,18 @@ def add_semantics(
         gaussian_map = store.read()
         frames = (replace(frame.read(), camera=cameras[frame.name]) for frame in progress(used))
         semantics = embed_semantics(gaussian_map, frames, segmenter, code_dims, refine, threads)
+        codec = semantics.codec
         cause = SemanticsCause(
             source=source,
             dataset=opened.name,
-            levels=semantics.features.shape[1] // code_dims,
-            code_dims=code_dims,
+            levels=semantics.features.shape[1] // codec.code_dims,
+            code_dims=codec.code_dims,
             names=semantics.names,
             models={name: str(folder) for name, folder in models.items()},
-            autoencoder=write_autoencoder(semantics.autoencoder, map_path),
+            layout=layout,
+            autoencoder=write_autoencoder(codec, map_path)
+            if isinstance(codec, Autoencoder)
+            else None,
         )
         with_features = replace(gaussian_map, features=semantics.features)
         return store.commit_features(with_features, cause)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.relevance import RelevanceScorer
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Indices, Ints32
 
 
@@ -20,19 +19,19 @@ class Categories:
 
     Attributes:
         names: Names of the categories.
-        autoencoder: Decodes the features of the map.
+        codec: Decodes the features of the map.
         source: Encodes the names.
     """
 
     names: tuple[str, ...]
-    autoencoder: Autoencoder
+    codec: Codec
     source: SemanticSource
 
 
 def classify_gaussians(
     gaussian_map: GaussianMap,
     rows: Indices,
-    autoencoder: Autoencoder,
+    codec: Codec,
     source: SemanticSource,
     names: Sequence[str],
 ) -> Ints32:
@@ -41,7 +40,7 @@ def classify_gaussians(
     Args:
         gaussian_map: With features of L * d numbers.
         rows: [K] rows of the Gaussians to classify.
-        autoencoder: Decodes the features.
+        codec: Decodes the features.
         source: Encodes the names.
         names: Names of the categories.
 
@@ -50,11 +49,11 @@ def classify_gaussians(
         source.
 
     Raises:
-        ValueError: The features do not fit the autoencoder, or a name is empty or occurs twice.
+        ValueError: The features do not fit the codec, or a name is empty or occurs twice.
     """
     if not all(name.strip() for name in names) or len(set(names)) < len(names):
         raise ValueError(f"classify_gaussians: names: one is empty or occurs twice: {list(names)}")
-    scorer = RelevanceScorer(gaussian_map, autoencoder, source)
+    scorer = RelevanceScorer(gaussian_map, codec, source)
     if not names:
         return np.full(len(rows), -1, np.int32)
     scores = scorer.scores(source.encode(names), rows)

@@ -9,7 +9,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.masks import crop_to_mask, paint_labels
-from gslts.semantics.source import MAX_LEVELS, Segments
+from gslts.semantics.source import MAX_LEVELS, Segments, relevance
 from gslts.types import Bools, Bytes, Floats32
 
 
@@ -22,6 +22,10 @@ class ClipSource:
             only texts are embedded.
     """
 
+    names = ()
+    codec = None
+    """An autoencoder is trained on the embeddings."""
+    relevance = staticmethod(relevance)
     threshold = 0.5
     """Relevance of a query that matches as well as the canonical phrases (LERF, Kerr et al. 2023).
     Cosines of CLIP differ by a few hundredths, so that relevance stays near this value, and a
@@ -75,3 +79,11 @@ class ClipSource:
             [T,D] float32, of unit length.
         """
         return self._encoder.encode_texts(texts)
+
+    def explain(self, text: str) -> str:  # noqa: ARG002
+        """Explain nothing: CLIP understands any text.
+
+        Args:
+            text: Not used.
+        """
+        return ""

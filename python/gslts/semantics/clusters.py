@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from gslts.types import Floats, Indices, Ints
+from gslts.types import Floats, Floats32, Indices, Ints
 
 MAX_CELL = 1 << 19
 """Largest cell coordinate; points beyond are clipped to it. 37 km for cells of 0.07 m."""
@@ -25,7 +25,7 @@ HALF_NEIGHBOURHOOD = [
 """Key offsets to a cell itself and half of its 26 neighbours, so that each pair occurs once."""
 
 
-def cell_keys(points: Floats, edge_m: float) -> Ints:
+def cell_keys(points: Floats | Floats32, edge_m: float) -> Ints:
     """Compute keys of the cells of points; keys of neighbours differ by `CELL_STRIDES`.
 
     Args:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from gslts.io.atomic_files import sync_folder, write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.semantics.class_codec import ClassCodec
+from gslts.semantics.source import Codec
 from gslts.store.causes import SemanticsCause
 from gslts.store.manifest import split_version
 from gslts.store.map_folder import open_map
@@ -42,8 +44,8 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     return digest
 
 
-def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
-    """Read the cause and the autoencoder of the features of a version.
+def read_semantics(path: Path) -> tuple[SemanticsCause, Codec] | None:
+    """Read the cause and the codec of the features of a version.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
@@ -59,11 +61,11 @@ def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
     with open_map(folder) as store:
         causes = [version.cause for version in store.lineage(number)]
     semantics = [cause for cause in causes if isinstance(cause, SemanticsCause)]
-    return (semantics[-1], _read_autoencoder(semantics[-1], folder)) if semantics else None
+    return (semantics[-1], _read_codec(semantics[-1], folder)) if semantics else None
 
 
-def require_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder]:
-    """Read the cause and the autoencoder of a version that must have semantic features.
+def require_semantics(path: Path) -> tuple[SemanticsCause, Codec]:
+    """Read the cause and the codec of a version that must have semantic features.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
@@ -94,13 +96,15 @@ def semantics_problems(store: MapStore) -> list[str]:
     for version in store.versions():
         try:
             if isinstance(version.cause, SemanticsCause):
-                _read_autoencoder(version.cause, store.folder)
+                _read_codec(version.cause, store.folder)
         except (OSError, ValueError) as error:
             problems.append(f"version {version.number}: {error}")
     return problems
 
 
-def _read_autoencoder(cause: SemanticsCause, folder: Path) -> Autoencoder:
+def _read_codec(cause: SemanticsCause, folder: Path) -> Codec:
+    if cause.autoencoder is None:
+        return ClassCodec(1 + len(cause.names))
     return read_autoencoder(autoencoder_path(folder, cause.autoencoder), cause.autoencoder)
 
 

@@ -11,18 +11,21 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import classify_gaussians
+from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.files import read_semantics
-from gslts.semantics.lift import FeatureView, lift_features
+from gslts.semantics.lift import FeatureView, lift_codes
 from gslts.semantics.registry import open_source
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Bools, Indices
 
 _logger = logging.getLogger(__name__)
 
 MIN_MAJORITY = 0.5
 """Share of the classified Gaussians of an object that must agree on its name: a majority."""
+MIN_NAME_SCORE = 0.02
+"""Minimum mean score of the class of a detector that names an object. That there is an object is
+known, so that it is less than a query needs: a detection of score 0.25 in one of eight views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +34,12 @@ class MapSemantics:
 
     Attributes:
         source: Segments frames and encodes names.
-        autoencoder: Of the features of the map.
+        codec: Of the features of the map.
         names: Names of the object types that the map was made with.
     """
 
     source: SemanticSource
-    autoencoder: Autoencoder
+    codec: Codec
     names: tuple[str, ...]
 
     @classmethod
@@ -58,14 +61,14 @@ class MapSemantics:
         found = read_semantics(path)
         if found is None:
             return None
-        cause, autoencoder = found
+        cause, codec = found
         models = {name: Path(folder) for name, folder in cause.models.items()}
         try:
-            source = open_source(cause.source, models, threads)
+            source = open_source(cause.source, models, threads, cause.layout)
         except (ImportError, FileNotFoundError) as error:
             _logger.warning("%s: new objects will have no semantic features: %s", path, error)
             return None
-        return cls(source, autoencoder, cause.names)
+        return cls(source, codec, cause.names)
 
     def update_features(
         self,
@@ -86,7 +89,7 @@ class MapSemantics:
         Returns:
             The map with the new features.
         """
-        code_dims = self.autoencoder.code_dims
+        code_dims = self.codec.code_dims
         levels = gaussian_map.feature_dims // code_dims
         level_views: list[list[FeatureView]] = [[] for _ in range(levels)]
         for frame, mask in views:
@@ -94,29 +97,36 @@ class MapSemantics:
                 segments = self.source.segments(frame)
             except ValueError:
                 continue
-            codes = self.autoencoder.encode(segments.embeddings)
+            codes = self.codec.encode(segments.embeddings)
             for level, labels in enumerate(segments.labels[:levels]):
-                known = mask & (labels >= 0)
-                if known.any():
-                    level_views[level].append((frame.camera, codes[labels], known))
+                wanted = np.where(mask, labels, -1).astype(np.int32)
+                if (wanted >= 0).any():
+                    level_views[level].append((frame.camera, wanted, codes))
         features = gaussian_map.features.copy()
         for level, feature_views in enumerate(level_views):
-            lifted = lift_features(gaussian_map, feature_views, code_dims, threads)
+            lifted = lift_codes(gaussian_map, feature_views, self.codec, threads)
             changed = stale & lifted.any(axis=1)
             features[changed, level * code_dims : (level + 1) * code_dims] = lifted[changed]
         return replace(gaussian_map, features=features)
 
     def name_of(self, gaussian_map: GaussianMap, rows: Indices) -> str | None:
-        """Name the object that Gaussians belong to, by majority vote.
+        """Name the object that Gaussians belong to.
+
+        By majority vote, or by the greatest mean score of the classes of a detector.
 
         Args:
             gaussian_map: With features.
             rows: [K] rows of the Gaussians of the object.
 
         Returns:
-            The name; None if no name has a majority among the Gaussians that match one.
+            The name; None if no name has a majority among the Gaussians that match one, or if the
+            detector saw none.
         """
-        classes = classify_gaussians(gaussian_map, rows, self.autoencoder, self.source, self.names)
+        if isinstance(self.codec, ClassCodec):
+            scores = gaussian_map.features[rows, 1:].sum(axis=0) / max(1, len(rows))
+            best = int(scores.argmax())
+            return self.names[best] if scores[best] >= MIN_NAME_SCORE else None
+        classes = classify_gaussians(gaussian_map, rows, self.codec, self.source, self.names)
         counts = np.bincount(classes + 1, minlength=2)[1:]  # Without class -1.
         best = int(counts.argmax())
         return self.names[best] if counts[best] > MIN_MAJORITY * counts.sum() else None

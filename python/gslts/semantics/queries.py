@@ -11,14 +11,15 @@ import cv2
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import Codec, SemanticSource
 from gslts.store.map_folder import read_map
 from gslts.types import Floats, Floats32, Indices
 
+MAX_CHARACTERS = 300
+"""Maximum length of a query; CLIP reads 77 tokens."""
 SAMPLE_SIZE = 20_000
 """Number of Gaussians scored first, evenly sampled as in GS-LTS. All Gaussians near a match are
 scored then, so that the number bounds only how small a found object may be."""
@@ -35,6 +36,9 @@ FLANN_KDTREE_SINGLE = 4
 """FLANN's exact k-d tree; OpenCV has no Python name for it."""
 MIN_GAUSSIANS = 12
 """Minimum number of Gaussians of a cluster, and of an object between two pieces."""
+MIN_SHARE_OF_PEAK, PEAK = 0.4, 0.95
+"""Minimum score of a Gaussian of an object as a share of the object's peak, this quantile of its
+scores. Class scores of a detector fall off around an object, where masks of some views reach."""
 MIN_SHARE_OF_LARGEST = 0.1
 """Minimum size of an object as a share of the largest one's number of Gaussians; removes fragments
 of blurred borders."""
@@ -91,21 +95,19 @@ class SemanticQueries:
 
     Args:
         gaussian_map: With features of L * d numbers.
-        autoencoder: Decodes the features.
+        codec: Decodes the features.
         source: Encodes the texts.
 
     Attributes:
         gaussian_map: The map.
 
     Raises:
-        ValueError: The features do not fit the autoencoder, or that does not fit the source.
+        ValueError: The features do not fit the codec, or that does not fit the source.
     """
 
-    def __init__(
-        self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
-    ) -> None:
+    def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
         self.gaussian_map, self._source = gaussian_map, source
-        self._scorer = RelevanceScorer(gaussian_map, autoencoder, source)
+        self._scorer = RelevanceScorer(gaussian_map, codec, source)
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
         has_features = gaussian_map.features.any(axis=1)
         self._rows = np.flatnonzero(has_features & (opacities >= MIN_OPACITY))
@@ -118,12 +120,14 @@ class SemanticQueries:
         self._cell_ends = np.append(starts, len(keys))
 
     @classmethod
-    def of_map(cls, path: Path, clip: Path | None = None, threads: int = 0) -> SemanticQueries:
+    def of_map(
+        cls, path: Path, text_model: Path | None = None, threads: int = 0
+    ) -> SemanticQueries:
         """Read a map folder for queries.
 
         Args:
             path: A map folder with semantic features, or a version of it such as MAP@3.
-            clip: Folder of its CLIP, if it was moved.
+            text_model: Folder of a text model; see `open_text_source`.
             threads: For CLIP; 0 uses the default of torch.
 
         Returns:
@@ -134,8 +138,8 @@ class SemanticQueries:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        autoencoder, source = open_text_semantics(path, clip, threads)
-        return cls(read_map(path), autoencoder, source)
+        codec, source = open_text_semantics(path, text_model, threads)
+        return cls(read_map(path), codec, source)
 
     def relevance(self, text: str) -> Floats32:
         """Compute the relevance of all Gaussians to a text.
@@ -152,6 +156,20 @@ class SemanticQueries:
         result = np.zeros(self.gaussian_map.size, np.float32)
         result[self._rows] = self._scorer.scores(self._encode(text), self._rows)[0]
         return result
+
+    def explain(self, text: str) -> str:
+        """Explain how a text is understood, if not as it is.
+
+        Args:
+            text: Such as "mug".
+
+        Returns:
+            Such as '"mug": understood as cup (0.83)'; empty if there is nothing to explain.
+
+        Raises:
+            ValueError: The text is empty or too long.
+        """
+        return self._source.explain(checked_text(text))
 
     def find(self, text: str) -> list[Instance]:
         """Find the objects that match a text.
@@ -178,9 +196,7 @@ class SemanticQueries:
         return self._instances(near[is_match], scores[is_match])
 
     def _encode(self, text: str) -> Floats32:
-        if not text.strip():
-            raise ValueError("SemanticQueries: text: expected a name or description, got nothing")
-        return self._source.encode([text])
+        return self._source.encode([checked_text(text)])
 
     def _neighbourhood(self, indices: Indices) -> Indices:
         """Return all scored Gaussians in the cells of some and in the 26 neighbours of these."""
@@ -194,6 +210,10 @@ class SemanticQueries:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
         points = self._points[indices]
         labels = _cluster(points)
+        kept = scores >= MIN_SHARE_OF_PEAK * _peaks(scores, labels)
+        if not kept.all():
+            indices, scores, points = indices[kept], scores[kept], points[kept]
+            labels = _cluster(points)
         counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
         large = np.flatnonzero(counts >= MIN_GAUSSIANS)
         pieces = [np.flatnonzero(labels == label) for label in large]
@@ -224,6 +244,36 @@ class SemanticQueries:
         return Instance(
             low + origin, high + origin, corners + origin[:2], float(scores.mean()), rows
         )
+
+
+def checked_text(text: str) -> str:
+    """Check the text of a query.
+
+    Args:
+        text: From a user.
+
+    Returns:
+        The text.
+
+    Raises:
+        ValueError: The text is empty or too long.
+    """
+    if not text.strip():
+        raise ValueError("SemanticQueries: text: expected a name or description, got nothing")
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(
+            f"SemanticQueries: text: expected up to {MAX_CHARACTERS} characters, got {len(text)}"
+        )
+    return text
+
+
+def _peaks(scores: Floats32, labels: Indices) -> Floats32:
+    """Return [K] for each point the peak of the scores of its cluster; 0 for noise."""
+    peaks = np.zeros_like(scores)
+    for label in range(labels.max(initial=-1) + 1):
+        own = labels == label
+        peaks[own] = np.quantile(scores[own], PEAK)
+    return peaks
 
 
 def _cluster(points: Floats) -> Indices:

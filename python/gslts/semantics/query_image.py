@@ -20,9 +20,9 @@ MAX_CANDIDATE_CAMERAS = 30
 """Number of the nearest cameras among which the best view is chosen; bounds time."""
 CANDIDATE_WIDTH_PX = 160
 """Width of the images rendered to choose the view."""
-MIN_RELEVANCE, MAX_RELEVANCE = 0.5, 0.75
-"""Range of the heat map: relevance of what matches no better than the canonical phrases, and about
-that of a match."""
+LOWEST_SHARE = 0.8
+"""Relevance at which the heat map begins, as a share of the lowest one of a match; it ends at the
+highest one."""
 
 
 def draw_query(
@@ -57,7 +57,9 @@ def draw_query(
         return float(mask.sum() / mask.size - border / sum(mask.shape))
 
     camera = max(_candidates(list(cameras), instances[0].center), key=visibility)
-    heat = (relevance[:, None] - MIN_RELEVANCE) / (MAX_RELEVANCE - MIN_RELEVANCE)
+    matches = relevance[np.concatenate([instance.rows for instance in instances])]
+    low, high = LOWEST_SHARE * matches.min(), matches.max()
+    heat = (relevance[:, None] - low) / (high - low)
     heat_map = gaussian_map.with_features(heat.clip(0, 1).astype(np.float32))
     images = rasterizer.forward(heat_map, camera, options)
     image = heat_image(to_rgb8(images.rgb), images.features[..., 0])

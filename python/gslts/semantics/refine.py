@@ -29,12 +29,12 @@ def refine_features(
     seed: int = 0,
     threads: int = 0,
 ) -> Floats32:
-    """Optimize features to lower the L1 error between rendered and given feature images.
+    """Optimize features to lower the L1 error between rendered features and those of labels.
 
     Args:
         gaussian_map: float32; only features are optimized.
         features: [N,D] float32, initial features.
-        views: Feature images.
+        views: Labels and their features.
         steps: Number of steps of Adam, one view each.
         seed: For the order of the views.
         threads: 0 uses one per hardware thread; does not change results.
@@ -49,7 +49,8 @@ def refine_features(
     order: list[int] = []
     for _ in range(steps):
         order = order or rng.permutation(len(views)).tolist()
-        camera, target, known = views[order.pop()]
+        camera, labels, codes = views[order.pop()]
+        known, target = labels >= 0, codes[labels]
         rendered = rasterizer.forward(adam.map, camera, options, mask=known).features
         slope = np.sign(rendered - target) * known[..., None] / max(1, np.count_nonzero(known))
         gradients = rasterizer.backward(dL_dfeatures=slope.astype(np.float32))

@@ -4,41 +4,56 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.files import require_semantics
-from gslts.semantics.source import Oracle, SemanticSource
+from gslts.semantics.source import Codec, Oracle, SemanticSource
 from gslts.store.causes import SemanticsCause
+
+MODELS = {
+    "oracle": ((), ()),
+    "clip": (("clip", "sam"), ()),
+    "detector": (("model", "names"), ("text_model",)),
+}
+"""Files or folders that each source needs, and those that it may have."""
 
 
 def open_text_source(
-    cause: SemanticsCause, clip: Path | None = None, threads: int = 0
+    cause: SemanticsCause, text_model: Path | None = None, threads: int = 0
 ) -> SemanticSource:
-    """Open the source of a map for text queries only: of the models, CLIP is enough.
+    """Open the source of a map for text queries only.
 
     Args:
         cause: Cause of the version that added the semantic features.
-        clip: Folder of CLIP; None for the recorded one.
-        threads: For the model; 0 uses the default of torch.
+        text_model: Folder of CLIP, or of a model of sentence embeddings for a map of a detector;
+            None for the recorded one. The names of a detector need none.
+        threads: For CLIP; 0 uses the default of torch.
 
     Returns:
         The source; it encodes texts.
 
     Raises:
-        ImportError: transformers is missing.
+        ImportError: A package is missing.
         OSError: A folder or file is missing.
         ValueError: No folder of CLIP is recorded, or the weights are damaged.
     """
     if cause.source == "oracle":
         return Oracle()
-    recorded = cause.models.get("clip")
-    folder = clip or (Path(recorded) if recorded else None)
+    key, option = ("clip", "--clip") if cause.source == "clip" else ("text_model", "--text-model")
+    recorded = cause.models.get(key)
+    folder = text_model or (Path(recorded) if recorded else None)
+    if folder is not None and not folder.is_dir():
+        raise FileNotFoundError(
+            f"{folder}: the {'CLIP' if key == 'clip' else 'text'} model of the semantics of this "
+            f"map is not there; give its folder with {option} DIR"
+        )
+    if cause.source == "detector":
+        from gslts.semantics.class_names import ClassNames
+        from gslts.semantics.detector_source import DetectorSource
+        from gslts.semantics.text_model import TextModel
+
+        embeddings = None if folder is None else TextModel(folder)
+        return DetectorSource(ClassNames(cause.names, embeddings))
     if folder is None:
         raise ValueError("the map does not record the folder of its CLIP: give --clip DIR")
-    if not folder.is_dir():
-        raise FileNotFoundError(
-            f"{folder}: the CLIP model of the semantics of this map is not there; give its folder "
-            "with --clip DIR"
-        )
     from gslts.semantics.clip import ClipEncoder
     from gslts.semantics.clip_source import ClipSource
 
@@ -46,49 +61,62 @@ def open_text_source(
 
 
 def open_text_semantics(
-    path: Path, clip: Path | None = None, threads: int = 0
-) -> tuple[Autoencoder, SemanticSource]:
+    path: Path, text_model: Path | None = None, threads: int = 0
+) -> tuple[Codec, SemanticSource]:
     """Open the semantics of a map folder for text queries.
 
     Args:
         path: A map folder with semantic features, or a version of it such as MAP@3.
-        clip: Folder of its CLIP, if it was moved.
+        text_model: Folder of a text model; see `open_text_source`.
         threads: For CLIP; 0 uses the default of torch.
 
     Returns:
-        The autoencoder of its features, and the source that encodes texts.
+        The codec of its features, and the source that encodes texts.
 
     Raises:
-        ImportError: transformers is missing.
+        ImportError: A package is missing.
         OSError: A file cannot be read.
         ValueError: The map has no semantic features, or a file is damaged.
     """
-    cause, autoencoder = require_semantics(path)
-    return autoencoder, open_text_source(cause, clip, threads)
+    cause, codec = require_semantics(path)
+    return codec, open_text_source(cause, text_model, threads)
 
 
-def open_source(name: str, models: dict[str, Path], threads: int = 0) -> SemanticSource:
+def open_source(
+    name: str, models: dict[str, Path], threads: int = 0, layout: str | None = None
+) -> SemanticSource:
     """Open a source that segments frames and encodes texts.
 
     Args:
-        name: "oracle" or "clip".
-        models: Folders of weights: "clip" and "sam" for the source "clip", none for "oracle".
-        threads: For the models; 0 uses the default of torch.
+        name: Key of `MODELS`.
+        models: Folders or files, by the names of `MODELS`.
+        threads: For CLIP and SAM; 0 uses the default of torch.
+        layout: Layout of the outputs of a detector; None recognizes it.
 
     Returns:
         The source.
 
     Raises:
-        ImportError: transformers is missing.
+        ImportError: A package is missing.
         OSError: A folder or file is missing; the message says how to get it.
-        ValueError: A model is not given, or its weights are damaged.
+        ValueError: A model is not given, or is damaged.
     """
+    needed, optional = MODELS[name]
+    needless = sorted(models.keys() - {*needed, *optional})
+    if needless and not needed:
+        raise ValueError(f"the source {name} takes no model, got --{needless[0]}")
+    if needless or not set(needed) <= models.keys():
+        options = " and ".join(f"--{model}" for model in needed)
+        given = ", ".join(f"--{model}" for model in sorted(models)) or "none"
+        raise ValueError(f"the source {name} needs {options}, got {given.replace('_', '-')}")
     if name == "oracle":
-        if models:
-            raise ValueError(f"the source oracle takes no model, got --{min(models)}")
         return Oracle()
-    if set(models) != {"clip", "sam"}:
-        raise ValueError("the source clip needs both models: --clip DIR and --sam DIR")
+    if name == "detector":
+        from gslts.semantics.detector_source import DetectorSource
+
+        return DetectorSource.from_files(
+            models["model"], models["names"], layout, models.get("text_model")
+        )
     from gslts.semantics.clip import ClipEncoder
     from gslts.semantics.clip_source import ClipSource
     from gslts.semantics.sam import MaskGenerator

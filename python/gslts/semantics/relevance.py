@@ -1,36 +1,16 @@
-"""Relevance scores between text queries and semantic features.
-
-Source: GS-LTS, sec. III-B, equation 3, which follows LERF (Kerr et al. 2023).
-"""
+"""Relevance scores between text queries and the semantic features of a map."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import CANONICAL, Codec, SemanticSource
 from gslts.types import Floats32, Indices
 
-CANONICAL = ("object", "things", "stuff", "texture")
-"""Canonical phrases of LERF: what matches one of them better than the query does not match it."""
 MAX_GAUSSIANS_PER_CHUNK = 1 << 14
 """Number of Gaussians scored at a time. Bounds memory: the hidden layer of the decoder for a whole
 map of a million Gaussians would take a gigabyte. Does not change results."""
-
-
-def relevance(to_query: Floats32, to_canonical: Floats32) -> Floats32:
-    """Compute relevance scores: min_j exp(e.q) / (exp(e.q) + exp(e.c_j)).
-
-    Args:
-        to_query: [S] float32, cosines e.q of embeddings e with the embedding of the query.
-        to_canonical: [S,J] float32, cosines e.c_j with the embeddings of `CANONICAL`.
-
-    Returns:
-        [S] float32, between 0 and 1.
-    """
-    largest = to_canonical.max(axis=1)  # It gives the smallest quotient.
-    return np.asarray(1 / (1 + np.exp(largest - to_query)), np.float32)
 
 
 class RelevanceScorer:
@@ -38,30 +18,27 @@ class RelevanceScorer:
 
     Args:
         gaussian_map: With features of L * d numbers, a code per level.
-        autoencoder: Decodes the codes.
+        codec: Decodes the codes.
         source: Encodes the canonical phrases.
 
     Raises:
-        ValueError: The features do not fit the autoencoder, or the autoencoder does not fit the
-            source.
+        ValueError: The features do not fit the codec, or the codec does not fit the source.
     """
 
-    def __init__(
-        self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
-    ) -> None:
-        dims, code_dims = gaussian_map.feature_dims, autoencoder.code_dims
+    def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
+        dims, code_dims = gaussian_map.feature_dims, codec.code_dims
         if dims == 0 or dims % code_dims:
             raise ValueError(
                 f"RelevanceScorer: the features of the map have {dims} dimensions, which is no "
                 f"multiple of the code length {code_dims}"
             )
-        if source.dims != autoencoder.dims:
+        if source.dims != codec.dims:
             raise ValueError(
-                f"RelevanceScorer: the map has semantics of {autoencoder.dims}-D embeddings, the "
+                f"RelevanceScorer: the map has semantics of {codec.dims}-D embeddings, the "
                 f"source gives {source.dims}-D embeddings"
             )
-        self._features, self._autoencoder = gaussian_map.features, autoencoder
-        self._canonical = source.encode(CANONICAL)
+        self._features, self._codec = gaussian_map.features, codec
+        self._canonical, self._relevance = source.encode(CANONICAL), source.relevance
 
     def scores(self, queries: Floats32, rows: Indices) -> Floats32:
         """Compute the relevance of Gaussians, at the level where each is most relevant.
@@ -77,13 +54,15 @@ class RelevanceScorer:
         vectors = np.concatenate([queries, self._canonical])
         for first in range(0, len(rows), MAX_GAUSSIANS_PER_CHUNK):
             part = self._features[rows[first : first + MAX_GAUSSIANS_PER_CHUNK]]
-            codes = part.astype(np.float32, copy=False).reshape(-1, self._autoencoder.code_dims)
+            codes = part.astype(np.float32, copy=False).reshape(-1, self._codec.code_dims)
             # Without a mask in any view, the code is 0, which decodes to an arbitrary embedding.
             known = codes.any(axis=1)
-            cosines = self._autoencoder.cosines(codes[known], vectors)
+            cosines = self._codec.cosines(codes[known], vectors)
             scores = np.zeros((len(queries), len(codes)), np.float32)
             for number in range(len(queries)):
-                scores[number, known] = relevance(cosines[:, number], cosines[:, len(queries) :])
+                scores[number, known] = self._relevance(
+                    cosines[:, number], cosines[:, len(queries) :]
+                )
             levels = scores.reshape(len(queries), len(part), -1)
             result[:, first : first + MAX_GAUSSIANS_PER_CHUNK] = levels.max(axis=2)
         return result

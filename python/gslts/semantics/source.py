@@ -12,6 +12,8 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.types import Floats, Floats32, Ints32
 
+CANONICAL = ("object", "things", "stuff", "texture")
+"""Canonical phrases of LERF: what matches one of them better than the query does not match it."""
 MAX_LEVELS = 3
 """Maximum number of levels of masks, those of SAM: wholes, parts and sub-parts (LangSplat)."""
 
@@ -50,6 +52,59 @@ class Segments:
             raise ValueError(f"Segments: labels: must be in -1..{len(embeddings) - 1}")
 
 
+def relevance(to_query: Floats32, to_canonical: Floats32) -> Floats32:
+    """Compute relevance scores: min_j exp(e.q) / (exp(e.q) + exp(e.c_j)).
+
+    Source: GS-LTS, sec. III-B, equation 3, which follows LERF (Kerr et al. 2023).
+
+    Args:
+        to_query: [S] float32, cosines e.q of embeddings e with the embedding of the query.
+        to_canonical: [S,J] float32, cosines e.c_j with the embeddings of `CANONICAL`.
+
+    Returns:
+        [S] float32, between 0 and 1.
+    """
+    largest = to_canonical.max(axis=1)  # It gives the smallest quotient.
+    return np.asarray(1 / (1 + np.exp(largest - to_query)), np.float32)
+
+
+class Codec(Protocol):
+    """Converts embeddings to the codes that Gaussians have as features, and scores codes."""
+
+    @property
+    def dims(self) -> int:
+        """Length of an embedding, D."""
+        ...
+
+    @property
+    def code_dims(self) -> int:
+        """Length of a code, d."""
+        ...
+
+    def encode(self, embeddings: Floats32) -> Floats32:
+        """Encode embeddings.
+
+        Args:
+            embeddings: [S,D] float32.
+
+        Returns:
+            [S,d] float32.
+        """
+        ...
+
+    def cosines(self, codes: Floats32, vectors: Floats32) -> Floats32:
+        """Compute the products of the embeddings of codes with vectors.
+
+        Args:
+            codes: [S,d] float32, also weighted means of codes.
+            vectors: [V,D] float32, such as embeddings of texts.
+
+        Returns:
+            [S,V] float32.
+        """
+        ...
+
+
 class SemanticSource(Protocol):
     """Segments frames, and embeds segments and texts in one space."""
 
@@ -61,6 +116,16 @@ class SemanticSource(Protocol):
     @property
     def threshold(self) -> float:
         """Minimum relevance score of a match, 0 to 1."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all its classes; empty if it has no fixed ones."""
+        ...
+
+    @property
+    def codec(self) -> Codec | None:
+        """Codec of the embeddings; None if it is trained on those of a map."""
         ...
 
     def segments(self, frame: RgbdFrame) -> Segments:
@@ -88,6 +153,29 @@ class SemanticSource(Protocol):
         """
         ...
 
+    def relevance(self, to_query: Floats32, to_canonical: Floats32) -> Floats32:
+        """Compute relevance scores.
+
+        Args:
+            to_query: [S] float32, products of embeddings with that of a query.
+            to_canonical: [S,J] float32, products with the embeddings of `CANONICAL`.
+
+        Returns:
+            [S] float32, between 0 and 1.
+        """
+        ...
+
+    def explain(self, text: str) -> str:
+        """Explain how a text is understood, if not as it is.
+
+        Args:
+            text: Such as "mug".
+
+        Returns:
+            A sentence for the user; empty if there is nothing to explain.
+        """
+        ...
+
 
 class Oracle:
     """Source of ground-truth labels, of a simulator or a person: the variant GT of GS-LTS.
@@ -98,6 +186,10 @@ class Oracle:
 
     dims = 512
     """As CLIP ViT-B."""
+    names = ()
+    codec = None
+    """An autoencoder is trained on the embeddings."""
+    relevance = staticmethod(relevance)
     threshold = 0.62
     """Between the relevance of the right name, about 1 / (1 + exp(-1)) = 0.73, and that of another,
     about 0.5."""
@@ -133,6 +225,14 @@ class Oracle:
         return np.array(
             [_random_unit_vector(text, self.dims) for text in texts], np.float32
         ).reshape(len(texts), self.dims)
+
+    def explain(self, text: str) -> str:  # noqa: ARG002
+        """Explain nothing: texts are names.
+
+        Args:
+            text: Not used.
+        """
+        return ""
 
 
 def _random_unit_vector(name: str, dims: int) -> Floats:

@@ -30,3 +30,21 @@ NOUNS = tuple(
     .split(", ")
 )
 """Nouns whose embeddings are added to the training set of the autoencoder."""
+UNRELATED = tuple(
+    """
+    absence, advice, afternoon, agreement, algebra, ambition, anger, arrival, autumn, belief,
+    century, charity, choir, climate, colony, committee, courage, crime, culture, damage, debt,
+    decision, democracy, disease, distance, earthquake, economy, election, emotion, empire,
+    evening, evidence, failure, famine, fever, freedom, friendship, galaxy, geography,
+    government, gravity, happiness, harvest, history, holiday, honesty, hope, hunger, hurricane,
+    idea, inflation, injury, interview, jealousy, journey, justice, kingdom, knowledge,
+    language, law, lesson, luck, marriage, memory, midnight, minute, mountain, music, nation,
+    ocean, opinion, patience, payment, peace, poetry, politics, poverty, prayer, promise, proof,
+    religion, revolution, river, rumour, salary, science, silence, sorrow, speech, strategy,
+    success, summer, tax, temperature, theory, thunder, tradition, treaty, truth, valley,
+    victory, village, volcano, wedding, wisdom
+    """.strip()
+    .replace("\n    ", " ")
+    .split(", ")
+)
+"""Nouns of what no room has, with whose scores thresholds of "not found" are calibrated."""

@@ -309,23 +309,23 @@ class SemanticsCause(_Cause):
     """A version with new semantic features.
 
     Attributes:
-        source: Model that gave the embeddings.
+        source: Model that gave the embeddings or classes.
         dataset: Recording that the features were computed from.
-        levels: Levels of masks; each has its own code.
-        code_dims: Length of a code.
-        names: Words that the source knows; empty for an open vocabulary.
-        models: Folder of the weights of each model.
-        autoencoder: SHA-256 of the file of the autoencoder.
+        levels, code_dims: Levels of masks, and length of the code of each.
+        names: Words that the source knows, the classes of a detector; empty for an open vocabulary.
+        models, layout: Folder or file of each model; layout of a detector's outputs, if given.
+        autoencoder: SHA-256 of the file of the autoencoder; None for a detector.
     """
 
     kind: Literal["semantics"] = "semantics"
-    source: Literal["oracle", "clip"]
+    source: Literal["oracle", "clip", "detector"]
     dataset: str
     levels: Annotated[int, Field(ge=1, le=3)]
-    code_dims: Annotated[int, Field(ge=8, le=64)]
+    code_dims: Annotated[int, Field(ge=2, le=129)]
     names: tuple[str, ...]
     models: dict[str, str] = {}
-    autoencoder: Sha256
+    layout: str | None = None
+    autoencoder: Sha256 | None = None
 
 
 VersionCause = Annotated[

@@ -34,7 +34,7 @@ def object_events(
         before: Map before the update.
         result: Accepted update.
         events: History of the map, oldest first.
-        semantics: Of the map; names removed and shifted objects.
+        semantics: Of the map; names objects that no label names.
 
     Returns:
         One record per change. The box of a removed object is that of its Gaussians, because a
@@ -43,6 +43,12 @@ def object_events(
     """
     removed = np.zeros(before.size, np.bool_)
     removed[np.searchsorted(before.ids, result.delta.removed)] = True
+    is_new = ~np.isin(result.part.ids, before.ids)
+
+    def name_added(region: Region) -> str | None:
+        rows = np.flatnonzero(is_new & gaussians_in_regions(result.part, [region], 0.0))
+        return None if semantics is None else semantics.name_of(result.part, rows)
+
     records = []
     for row, change in enumerate(result.changes):
         own = removed
@@ -67,7 +73,7 @@ def object_events(
         records.append(
             ObjectEvent(
                 kind=change.kind,
-                type=object_type(change, result.views, events, name_region),
+                type=object_type(change, result.views, events, name_region, name_added),
                 boxes=(old, new),
                 motion=_motion(change),
             )

@@ -25,6 +25,7 @@ def object_type(
     views: Iterable[View],
     events: Sequence[Event],
     name_region: Callable[[Region], str | None] = lambda _: None,
+    name_added: Callable[[Region], str | None] = lambda _: None,
 ) -> str:
     """Return the type of a changed object.
 
@@ -33,6 +34,7 @@ def object_type(
         views: After the change; their frames may have labels.
         events: History of the map, oldest first.
         name_region: Returns what the removed or shifted Gaussians of a region are.
+        name_added: Returns what the new Gaussians of a region are.
 
     Returns:
         A type such as "Mug"; "object" if nothing names it.
@@ -44,6 +46,8 @@ def object_type(
         # An object of the history in the box of furniture may stand on it.
         history = None if change.kind == "shift" else _type_in_history(region, events)
         name = history or name_region(region)
+    if name is None and after is not None:
+        name = name_added(Region("after", *after))
     return name or UNKNOWN
 
 

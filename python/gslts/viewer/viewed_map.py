@@ -16,12 +16,11 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.viewpoints import Target
-from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.files import read_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.registry import open_text_source
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import Codec, SemanticSource
 from gslts.semantics.vocabulary import NOUNS
 from gslts.store.camera_files import cameras_of_store
 from gslts.store.causes import Box
@@ -57,13 +56,13 @@ class Semantics:
     """Words of a version of a map.
 
     Attributes:
-        autoencoder: Decodes the features.
+        codec: Decodes the features.
         source: Encodes texts.
         names: Words that an object can be called by.
         queries: Queries on the map.
     """
 
-    autoencoder: Autoencoder
+    codec: Codec
     source: SemanticSource
     names: tuple[str, ...]
     queries: SemanticQueries
@@ -280,7 +279,7 @@ class ViewedMap:
             offsets = gaussian_map.means - (point - gaussian_map.origin)
             rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < NEAR_M)
             classes = classify_gaussians(
-                gaussian_map, rows, semantics.autoencoder, semantics.source, semantics.names
+                gaussian_map, rows, semantics.codec, semantics.source, semantics.names
             )
             votes = np.bincount(classes[classes >= 0], minlength=1)
             if not votes.any():
@@ -346,10 +345,10 @@ class ViewedMap:
         found = read_semantics(self._folder.with_name(f"{self._folder.name}@{number}"))
         if found is None:
             raise ValueError("this version has no words; gslts semantics adds them")
-        cause, autoencoder = found
+        cause, codec = found
         source = open_text_source(cause, self._clip)
-        queries = SemanticQueries(self.gaussians(number), autoencoder, source)
-        return Semantics(autoencoder, source, cause.names or NOUNS, queries)
+        queries = SemanticQueries(self.gaussians(number), codec, source)
+        return Semantics(codec, source, cause.names or NOUNS, queries)
 
     def _make_plan(self, number: int) -> SemanticMap:
         return make_semantic_map(self.gaussians(number), RobotBody())

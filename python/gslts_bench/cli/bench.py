@@ -194,6 +194,14 @@ def queries(
             help="Also measure features of other lengths; PNG of accuracy, bytes and seconds."
         ),
     ] = None,
+    detector: Annotated[
+        bool,
+        typer.Option(
+            "--detector",
+            help="Also measure boxes of a simulated detector: 30 % misses, 10 % false detections, "
+            "10 % wrong names.",
+        ),
+    ] = False,
 ) -> None:
     """Measure queries: boxes of all objects of the twelve categories of GS-LTS, by name.
 
@@ -207,7 +215,7 @@ def queries(
     from gslts_bench.queries.run import units_of
     from gslts_bench.queries.tables import BENCHMARK, write_plot
 
-    units = units_of(options.homes(), trade=trade is not None, ablation=ablation)
+    units = units_of(options.homes(), trade=trade is not None, ablation=ablation, detector=detector)
     options.prepare(None, trade)
     outcome = options.run(BENCHMARK, units)
     if trade is not None:

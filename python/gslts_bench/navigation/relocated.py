@@ -108,7 +108,7 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
         category, state = task.change.object_type, task.states(home)[1]
         ground = Ground(state, Truth(state.home), self.bench.setup.noise)
         metres, starts = starts_to(ground.truth, category)
-        navigator = Navigator(changed, known.autoencoder, Oracle(), categories=[category])
+        navigator = Navigator(changed, known.codec, Oracle(), categories=[category])
         rng = np.random.default_rng([self.bench.seed, int(name[-2:])])
         for walk in range(WALKS if len(starts) else 0):
             start = int(rng.choice(starts))
@@ -171,6 +171,6 @@ def _update(
         robot,
         UpdateConfig(threads=1),
         detector=detector,
-        semantics=MapSemantics(Oracle(), known.autoencoder, ()),
+        semantics=MapSemantics(Oracle(), known.codec, ()),
     )
     return None if result.rejected is not None else result.gaussian_map

@@ -124,7 +124,7 @@ class NavigateUnit(BenchUnit[Record, BenchHome]):
         known = read_semantic_map(bench)
         navigator = Navigator(
             known.gaussian_map,
-            known.autoencoder,
+            known.codec,
             Oracle(),
             categories=categories_of(bench.room_type, state.home),
         )

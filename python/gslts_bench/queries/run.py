@@ -9,19 +9,22 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
 from scipy.optimize import linear_sum_assignment
 
 from gslts.fleet.jobs import Add
+from gslts.semantics.class_names import ClassNames
+from gslts.semantics.detector_source import DetectorSource
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
-from gslts.semantics.source import Oracle
+from gslts.semantics.source import Oracle, SemanticSource
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.homes import BenchHome, movable_types
+from gslts_bench.queries.noisy_detector import SURFACES, NoisyDetector
 from gslts_bench.queries.semantic_map import mapped_frames
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.strict_model import STRICT
@@ -42,6 +45,7 @@ class Variant:
         refine: Steps of gradient descent after the closed form.
         width, height: Size of the images, px; 0 means that of the run.
         frames_share: Share of the frames of the run.
+        detector: "boxes" or "masks" of a `NoisyDetector` that are used instead of the labels.
     """
 
     code: int = 32
@@ -49,6 +53,7 @@ class Variant:
     width: int = 0
     height: int = 0
     frames_share: float = 1.0
+    detector: Literal["", "boxes", "masks"] = ""
 
     def home(self, bench: BenchHome) -> BenchHome:
         """Return a home with the recording of this variant.
@@ -75,7 +80,11 @@ ABLATION = {
     "images of 300x300": Variant(width=300, height=300),
     "60 % of the frames": Variant(frames_share=0.6),
 }
-"""Variants that differ from the default in one setting."""
+DETECTOR = {
+    "detector of boxes": Variant(detector="boxes"),
+    "detector with masks": Variant(detector="masks"),
+}
+"""Variants that differ from the default in one setting, and a detector with errors."""
 
 
 class Found(BaseModel):
@@ -160,16 +169,19 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
                 add(attempt(record, partial(self._ask, variant)).model_dump(mode="json"))
 
     def _ask(self, variant: Variant) -> dict[str, Any]:
-        bench, oracle = variant.home(self.bench), Oracle()
+        bench = variant.home(self.bench)
+        source: SemanticSource = Oracle()
+        if variant.detector:
+            source = _noisy_source(bench, masks=variant.detector == "masks")
         gaussian_map = read_map(bench.map())
         start_s = time.perf_counter()
         frames = mapped_frames(bench)
         semantics = embed_semantics(
-            gaussian_map, frames, oracle, variant.code, variant.refine, threads=1
+            gaussian_map, frames, source, variant.code, variant.refine, threads=1
         )
         embedding_s = time.perf_counter() - start_s
         queries = SemanticQueries(
-            replace(gaussian_map, features=semantics.features), semantics.autoencoder, oracle
+            replace(gaussian_map, features=semantics.features), semantics.codec, source
         )
         return {
             "gaussians": gaussian_map.size,
@@ -179,15 +191,26 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         }
 
 
-def units_of(homes: Sequence[BenchHome], *, trade: bool, ablation: bool) -> list[QueryUnit]:
+def _noisy_source(bench: BenchHome, *, masks: bool) -> DetectorSource:
+    """Return a source with a detector of all types of a home that detectors know."""
+    types = {known.type for known in bench.default_state().home.objects}
+    names = sorted({*types, *CATEGORIES} - {*SURFACES})
+    return DetectorSource(ClassNames(names), NoisyDetector(names, bench.seed, masks=masks))
+
+
+def units_of(
+    homes: Sequence[BenchHome], *, trade: bool, ablation: bool, detector: bool = False
+) -> list[QueryUnit]:
     """List the work of the benchmark.
 
     Args:
         homes: The homes.
         trade: Whether features of other lengths are measured too.
         ablation: Whether the variants of `ABLATION` are measured too.
+        detector: Whether a simulated detector is measured too.
     """
     variants = {OURS: Variant(), **(TRADE if trade else {}), **(ABLATION if ablation else {})}
+    variants |= DETECTOR if detector else {}
     return [QueryUnit(home, variants) for home in homes]
 
 

@@ -31,11 +31,11 @@ class SemanticMap:
 
     Attributes:
         gaussian_map: Map with features.
-        autoencoder: Decodes the features.
+        codec: Decodes the features.
     """
 
     gaussian_map: GaussianMap
-    autoencoder: Autoencoder
+    codec: Autoencoder
 
 
 def mapped_frames(bench: BenchHome) -> Iterator[RgbdFrame]:
@@ -69,7 +69,8 @@ def read_semantic_map(bench: BenchHome) -> SemanticMap:
         found = embed_semantics(gaussian_map, mapped_frames(bench), Oracle(), CODE, threads=1)
         part.mkdir()
         np.save(part / "features.npy", found.features)
-        content = autoencoder_bytes(found.autoencoder)
+        assert isinstance(found.codec, Autoencoder)
+        content = autoencoder_bytes(found.codec)
         write_atomic(part / f"{hashlib.sha256(content).hexdigest()}.safetensors", content)
 
     made_of = {

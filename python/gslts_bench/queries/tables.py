@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from gslts_bench.queries.run import ABLATION, CATEGORIES, OURS, TRADE, Record
+from gslts_bench.queries.run import ABLATION, CATEGORIES, DETECTOR, OURS, TRADE, Record
 from gslts_bench.runner import Benchmark
 from gslts_bench.tables import Table, number, share
 
@@ -94,7 +94,7 @@ BENCHMARK = Benchmark("Queries", "asking", summarize, tabulate)
 
 def _variants(found: Mapping[str, Any]) -> Table:
     rows = [["GS-LTS (GT), as printed", "", *(f"{v:.3f}" for v in GS_LTS.values()), *[""] * 3]]
-    for name in (OURS, *TRADE, *ABLATION):
+    for name in (OURS, *TRADE, *ABLATION, *DETECTOR):
         if numbers := found.get(name):
             rows.append(
                 [

@@ -114,7 +114,7 @@ class ScaleUnit(BenchUnit[Record, BenchHome]):
         folder = self.bench.map()
         landmarks = read_landmarks(folder)
         assert landmarks is not None  # `make_map` extracts them.
-        content = autoencoder_bytes(semantic.autoencoder)
+        content = autoencoder_bytes(semantic.codec)
         with TemporaryDirectory(dir=self.bench.work) as name:
             work = Path(name)
             write_map_folder(

@@ -13,8 +13,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.semantics.lift import lift_features
-from gslts.semantics.relevance import CANONICAL, relevance
-from gslts.semantics.source import Oracle, Segments
+from gslts.semantics.source import CANONICAL, Oracle, Segments, relevance
 from gslts.semantics.train_autoencoder import train_autoencoder
 
 
@@ -150,16 +149,17 @@ def test_lifted_features_are_those_of_a_dense_solve() -> None:
         eye = (2 * np.cos(angle), 2 * np.sin(angle), 0.5)
         camera = camera_from_fov(40, 30, 0.6, look_at(eye, (0, 0, 0)))
         known = rng.random((30, 40)) < 0.7
-        views.append((camera, rng.random((30, 40, 8), np.float32), known))
+        labels = np.where(known, np.arange(1200).reshape(30, 40), -1).astype(np.int32)
+        views.append((camera, labels, rng.random((1200, 8), np.float32)))
     found = lift_features(gaussian_map, views, 8, threads=1)
     # Blending weights, by rendering one feature channel per Gaussian.
     sums, weights = np.zeros((12, 8)), np.zeros(12)
-    for camera, features, known in views:
+    for camera, labels, features in views:
         blend_weights = render(
             replace(gaussian_map, features=np.eye(12, dtype=np.float32)), camera
         ).features
         for row in range(12):
-            share = np.where(known, blend_weights[..., row], 0)
-            sums[row] += (share[..., None] * features).sum(axis=(0, 1))
+            share = np.where(labels >= 0, blend_weights[..., row], 0)
+            sums[row] += (share[..., None] * features[labels]).sum(axis=(0, 1))
             weights[row] += share.sum()
     np.testing.assert_allclose(found, sums / weights[:, None], rtol=2e-3, atol=2e-4)

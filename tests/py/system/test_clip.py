@@ -24,8 +24,8 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicates
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_source, open_text_source
-from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
+from gslts.semantics.source import CANONICAL
 from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
@@ -267,7 +267,7 @@ def test_queries_for_red_and_blue_find_the_boxes(tmp_path: Path) -> None:
     found = embed_semantics(gaussian_map, frames, source, code_dims=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
     with_features = replace(gaussian_map, features=found.features)
-    queries = SemanticQueries(with_features, found.autoencoder, source)
+    queries = SemanticQueries(with_features, found.codec, source)
     for word, position in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
         best = queries.find(word)[0]
         np.testing.assert_allclose(best.center[:2], position, atol=0.1)
@@ -292,7 +292,7 @@ def test_commands_add_semantics_and_answer_queries(
         assert result.exit_code == 0, result.output
         return result.stdout
 
-    with pytest.raises(ValueError, match="needs both models: --clip DIR and --sam DIR"):
+    with pytest.raises(ValueError, match="the source clip needs --clip and --sam, got --clip"):
         run(*add, *clip)
     run(*add, *clip, *sam, "--code-dims", "8", "--threads", "1")
     recorded = read_semantics(tmp_path / "map")

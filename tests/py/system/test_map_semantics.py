@@ -69,10 +69,10 @@ def test_an_added_object_gets_the_features_of_the_frames() -> None:
 
 def test_a_relocated_object_keeps_its_features_at_its_new_position() -> None:
     """The blue box was moved from (3.0, 1.95) to (2.6, 1.7), beside the red one."""
-    before = SemanticQueries(embedded_map()[0], map_semantics().autoencoder, Oracle()).find("box")
+    before = SemanticQueries(embedded_map()[0], map_semantics().codec, Oracle()).find("box")
     assert max(instance.high[0] for instance in before) > 3.0
     result = updated("relocation")
-    found = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle()).find("box")
+    found = SemanticQueries(result.gaussian_map, map_semantics().codec, Oracle()).find("box")
     assert max(instance.high[0] for instance in found) == pytest.approx(2.72, abs=0.05)
     rows = np.intersect1d(np.concatenate([instance.rows for instance in found]), new_rows(result))
     assert len(rows) > 20
@@ -94,7 +94,7 @@ def test_a_shifted_object_and_what_stands_on_it_keep_their_features() -> None:
         for low_m in (0.1, 0.8)
     }
     assert names == {"Block", "Box"}
-    queries = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle())
+    queries = SemanticQueries(result.gaussian_map, map_semantics().codec, Oracle())
     boxes = queries.find("box")
     assert max(instance.high[0] for instance in boxes) == pytest.approx(3.22, abs=0.06)
 
@@ -142,17 +142,16 @@ def test_gradient_steps_lower_the_error() -> None:
     views = []
     for frame in frames():
         segments = Oracle().segments(frame)
-        codes = found.autoencoder.encode(segments.embeddings)
-        labels = segments.labels[0]
-        views.append((frame.camera, codes[labels], labels >= 0))
+        codes = found.codec.encode(segments.embeddings)
+        views.append((frame.camera, segments.labels[0], codes))
 
     def error(features: np.ndarray) -> float:
         changed = replace(gaussian_map, features=features)
         return float(
             np.mean(
                 [
-                    np.abs(render(changed, camera).features - wanted)[known].mean()
-                    for camera, wanted, known in views
+                    np.abs(render(changed, camera).features - codes[labels])[labels >= 0].mean()
+                    for camera, labels, codes in views
                 ]
             )
         )

@@ -1,0 +1,95 @@
+"""ONNX files, run on the CPU by onnxruntime."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+MAX_FILE_BYTES = 1 << 30
+"""Maximum size of a file, 1 GiB; bounds the memory that a wrong file takes. The largest of the
+usual detectors have 0.3 GiB."""
+MAX_SIDE_PX = 4096
+"""Maximum side of the input image of a model, px; bounds the memory of a damaged or hostile one."""
+
+
+def open_onnx(path: Path, threads: int = 1) -> Any:
+    """Open an ONNX model. Weights in other files must be in its folder.
+
+    Args:
+        path: ONNX file.
+        threads: Number of threads; 0 leaves the choice to onnxruntime.
+
+    Returns:
+        The `InferenceSession` of onnxruntime.
+
+    Raises:
+        ImportError: onnxruntime is missing.
+        OSError: The file cannot be read.
+        ValueError: The file is too large, or is no ONNX model.
+    """
+    try:
+        import onnxruntime
+    except ImportError:
+        raise ImportError("ONNX models need onnxruntime: pip install 'gslts[onnx]'") from None
+    check_size(path)
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 4  # Errors are exceptions; warnings are of no use to users.
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime has no public base class for its errors.
+        raise ValueError(f"{path}: it is no ONNX model: {first_line(error)}") from None
+
+
+def image_input(session: Any, path: Path, default_side_px: int) -> tuple[str, tuple[int, int]]:
+    """Check that a model takes one image [1,3,H,W] float32.
+
+    Args:
+        session: Of `open_onnx`.
+        path: Its file, for messages.
+        default_side_px: Side where the model leaves it open, px.
+
+    Returns:
+        Name, and width and height, px, of the input.
+
+    Raises:
+        ValueError: The model takes anything else.
+    """
+    inputs = session.get_inputs()
+    shape = list(inputs[0].shape) if inputs else []
+    # A side that is left open has a name, or None.
+    channels = shape[1] if len(shape) == 4 else 0
+    if len(inputs) != 1 or (isinstance(channels, int) and channels != 3):
+        shapes = ", ".join(str(tensor.shape) for tensor in inputs)
+        raise ValueError(f"{path}: expected one input [1,3,H,W], got {shapes or 'none'}")
+    if inputs[0].type != "tensor(float)":
+        raise ValueError(f"{path}: expected an input of float32, got {inputs[0].type}")
+    if any(isinstance(side, int) and not 0 < side <= MAX_SIDE_PX for side in shape[2:]):
+        raise ValueError(f"{path}: images of {shape} are larger than {MAX_SIDE_PX} px")
+    height, width = (side if isinstance(side, int) else default_side_px for side in shape[2:])
+    return inputs[0].name, (width, height)
+
+
+def check_size(path: Path) -> None:
+    """Reject a file of weights that is missing, a folder or too large, before it is read.
+
+    Args:
+        path: The file.
+
+    Raises:
+        OSError: It is no file.
+        ValueError: It is larger than `MAX_FILE_BYTES`.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: it is a folder; expected a file of weights")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise ValueError(f"{path}: it is larger than {MAX_FILE_BYTES >> 30} GiB")
+
+
+def first_line(error: Exception) -> str:
+    """Return the beginning of the message of another library, in one line.
+
+    Args:
+        error: Its exception.
+    """
+    return " ".join(str(error).split())[:300]
