@@ -26,6 +26,8 @@ from gslts.viewer.viewed_map import ViewedMap
 FIRST_GAUSSIANS = 50_000
 """Number of Gaussians that are sent first, so that the nearest in view show early. The page sorts
 all it has after each message: with more messages, all of a large map show later."""
+REST_S = 0.3
+"""Time without a move after which colours are computed for the new direction, s."""
 MAX_TEXT = 200
 """Maximum length of a query; longer ones are cut."""
 NO_EVENT = "..."
@@ -200,6 +202,9 @@ class Page:
             self._client.flush()
 
     def _recolor(self) -> None:
+        with self._changed:  # Until the camera rests, or something else is asked for.
+            if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=REST_S):
+                return
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
             self._show_blocks(self._map.blocks(self._shown))
 
