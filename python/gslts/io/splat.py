@@ -95,6 +95,5 @@ def _sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.exp(-np.logaddexp(0, -logits))
 
 
-def _bytes(values: NDArray[np.floating]) -> NDArray[np.uint8]:
-    rounded: NDArray[np.uint8] = np.rint(values).clip(0, 255).astype(np.uint8)
-    return rounded
+def _bytes(values: FloatArray) -> NDArray[np.uint8]:
+    return np.rint(values).clip(0, 255).astype(np.uint8)

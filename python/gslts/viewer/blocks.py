@@ -108,7 +108,7 @@ def rows_by_cell(gaussian_map: GaussianMap, edge_m: float) -> dict[Cell, Indices
     Returns:
         Rows of the Gaussians of each cell, ascending.
     """
-    keys = cell_keys(gaussian_map.means, edge_m)
+    keys = cell_keys(gaussian_map.means.astype(np.float64), edge_m)
     order = np.argsort(keys, kind="stable")
     cells, starts = np.unique(keys[order], return_index=True)
     return dict(zip(cells.tolist(), np.split(order, starts)[1:], strict=True))
@@ -124,6 +124,6 @@ def block_edge_m(gaussian_map: GaussianMap) -> float:
         The edge, m.
     """
     edge_m = BLOCK_M
-    while len(np.unique(cell_keys(gaussian_map.means, edge_m))) > MAX_BLOCKS:
+    while len(np.unique(cell_keys(gaussian_map.means.astype(np.float64), edge_m))) > MAX_BLOCKS:
         edge_m *= 2
     return edge_m

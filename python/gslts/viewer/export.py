@@ -48,10 +48,13 @@ def export_page(folder: Path, out: Path, max_versions: int, bar: Bar = iter) -> 
     viewed = ViewedMap(folder)
     numbers = [version.number for version in viewed.versions[-max_versions:]]
     blocks: dict[bytes, int] = {}  # Their contents, in the order of the page.
-    versions = [
-        {"blocks": _add_blocks(viewed, number, blocks), **_lines(viewed, number)}
-        for number in bar(numbers)
-    ]
+    try:
+        versions = [
+            {"blocks": _add_blocks(viewed, number, blocks), **_lines(viewed, number)}
+            for number in bar(numbers)
+        ]
+    except ValueError as error:
+        raise ValueError(f"{error}; --versions N leaves out all but the newest N") from None
     ends = np.cumsum([0, *map(len, blocks)]).tolist()
     position, target, fov_rad = viewed.first_view()
     scene = {

@@ -11,26 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.camera import Camera
-from gslts.core.se3 import inverse_transform, rotation_of_quat
+from gslts.core.se3 import rotation_of_quat
 from gslts.navigation.semantic_map_files import draw_semantic_map
-from gslts.rendering.rasterizer import RenderOptions, render
 from gslts.semantics.queries import Instance
 from gslts.store.describe import describe_event
 from gslts.store.records import Track
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell
 from gslts.viewer.overlay import CAME, FOUND, MOVED, Overlay
+from gslts.viewer.picking import is_in_view, surface_point
 from gslts.viewer.splats import Splats
 from gslts.viewer.viewed_map import ViewedMap
 
 FIRST_GAUSSIANS = 50_000
 """Number of Gaussians that are sent first, so that the nearest in view show early. The page sorts
 all it has after each message: with more messages, all of a large map show later."""
+REST_S = 0.3
+"""Time without a move after which colours are computed for the new direction, s."""
 MAX_TEXT = 200
 """Maximum length of a query; longer ones are cut."""
-MIN_ALPHA = 0.5
-"""Minimum opacity of what is clicked on."""
 NO_EVENT = "..."
 """First entry of the list of object changes."""
 
@@ -203,6 +202,9 @@ class Page:
             self._client.flush()
 
     def _recolor(self) -> None:
+        with self._changed:  # Until the camera rests, or something else is asked for.
+            if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=REST_S):
+                return
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
             self._show_blocks(self._map.blocks(self._shown))
 
@@ -261,7 +263,7 @@ class Page:
         views = [
             (float(np.linalg.norm(point - camera.world_from_camera[:3, 3])), camera)
             for camera in self._map.cameras(self._shown)
-            if _is_in_view(camera, point)
+            if is_in_view(camera, point)
         ]
         if views:
             camera = min(views, key=lambda view: view[0])[1]
@@ -282,7 +284,9 @@ class Page:
 
     def _show_object(self, origin: Floats, direction: Floats) -> None:
         self._overlay.clear("object")
-        point = self._surface(origin, direction)
+        point = surface_point(
+            self._map.gaussians(self._shown), origin + self._map.origin, direction
+        )
         if point is None:
             self._object.content = _paragraphs(["Nothing is there."])
             return
@@ -315,27 +319,6 @@ class Page:
         self._overlay.box("object", (instance.low, instance.high), FOUND, name)
         size = _format_size(instance.low, instance.high)
         return [f"{name}, {size}, score {instance.score:.2f}", "no change is known of it"]
-
-    def _surface(self, origin: Floats, direction: Floats) -> Floats | None:
-        """Return the point (3,) in the world, m, that a ray of the page hits."""
-        length = float(np.linalg.norm(direction))
-        if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
-            return None
-        pose = np.eye(4)
-        pose[:3, 2] = direction / length
-        pose[:3, 0] = _orthogonal(pose[:3, 2])
-        pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
-        pose[:3, 3] = origin + self._map.origin
-        # The middle pixel of an image as fine as that of the page.
-        focal_px = 500.0
-        ray = Camera(
-            fx=focal_px, fy=focal_px, cx=0.5, cy=0.5, width=1, height=1, world_from_camera=pose
-        )
-        images = render(self._map.gaussians(self._shown), ray, RenderOptions(threads=1))
-        if images.alpha[0, 0] < MIN_ALPHA:
-            return None
-        point: Floats = pose[:3, 3] + float(images.depth[0, 0]) * pose[:3, 2]
-        return point
 
     def _find(self) -> None:
         text = str(self._text.value)[:MAX_TEXT]
@@ -385,19 +368,3 @@ def _priority(offset: Floats, forward: Floats) -> float:
     """Return a number that is less for a block that is near and before the viewer."""
     ahead = float(offset @ forward)
     return float(np.linalg.norm(offset)) + (0 if ahead > 0 else 1e6)
-
-
-def _is_in_view(camera: Camera, point: Floats) -> bool:
-    x, y, z = inverse_transform(camera.world_from_camera, point[None])[0]
-    if z <= 0:
-        return False
-    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-    return bool(0 <= u < camera.width and 0 <= v < camera.height)
-
-
-def _orthogonal(direction: Floats) -> Floats:
-    """Return a unit vector at right angles to a direction."""
-    axis = np.eye(3)[np.argmin(np.abs(direction))]
-    side = np.cross(direction, axis)
-    result: Floats = side / np.linalg.norm(side)
-    return result

@@ -23,7 +23,6 @@ from gslts.semantics.registry import open_text_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.semantics.vocabulary import NOUNS
 from gslts.store.camera_files import cameras_of_store
-from gslts.store.causes import Box
 from gslts.store.describe import describe_event, describe_version, describe_versions, format_made
 from gslts.store.history import open_history
 from gslts.store.manifest import update_image_path
@@ -31,6 +30,7 @@ from gslts.store.map_folder import open_map
 from gslts.store.records import Track, TrackEvent, Version
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell, block_edge_m, make_blocks
+from gslts.viewer.picking import NEAR_M, contains, volume_m3
 
 if TYPE_CHECKING:
     from gslts.navigation.planner import PlannedPath
@@ -40,9 +40,6 @@ Value = TypeVar("Value")
 CACHED_VERSIONS = 3
 """Number of versions in memory: two that are compared, and the newest. A map of 500,000 Gaussians
 takes 100 MB with its blocks."""
-NEAR_M = 0.03
-"""Distance around a point on a surface in which Gaussians are taken to name it, and by which it may
-lie outside of the box of its object, m: the noise of depth."""
 DEFAULT_FOV_RAD = 1.0
 """Vertical field of view of the pages of a map without cameras, rad."""
 MAX_IMAGE_BYTES = 4 << 20
@@ -352,23 +349,3 @@ class ViewedMap:
 
     def _make_plan(self, number: int) -> SemanticMap:
         return make_semantic_map(self.gaussians(number), RobotBody())
-
-
-def contains(box: Box | tuple[Floats, Floats], point: Floats) -> bool:
-    """Return whether a point on a surface is of the object in a box.
-
-    Args:
-        box: Lower and upper corner, m.
-        point: (3,) m.
-    """
-    low, high = np.array(box[0]) - NEAR_M, np.array(box[1]) + NEAR_M
-    return bool(((low <= point) & (point <= high)).all())
-
-
-def volume_m3(box: Box) -> float:
-    """Return the volume of a box, m^3.
-
-    Args:
-        box: Lower and upper corner, m.
-    """
-    return float(np.prod(np.subtract(box[1], box[0])))
