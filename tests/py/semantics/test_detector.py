@@ -342,3 +342,18 @@ def test_fastestdet_detects_as_its_example_does() -> None:
             if kind == number
         ]
         assert min(differences) < 0.03
+
+
+@needs_models
+@pytest.mark.parametrize("model", ["yolo-fastest-1.1-xl.weights", "FastestDet.onnx"])
+def test_detections_do_not_depend_on_the_number_of_threads(model: str) -> None:
+    before = cv2.getNumThreads()
+    try:
+        results = []
+        for threads in (1, 2, 4):
+            cv2.setNumThreads(threads)
+            found = Detector(MODELS / model, 80)(real_image())
+            results.append((found.boxes.tobytes(), found.scores.tobytes()))
+    finally:
+        cv2.setNumThreads(before)
+    assert len(set(results)) == 1
