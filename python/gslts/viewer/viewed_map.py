@@ -85,7 +85,7 @@ class ViewedMap:
 
     def __init__(self, folder: Path, clip: Path | None = None) -> None:
         self._folder, self._clip = folder, clip
-        self._lock = threading.RLock()
+        self._query_lock = threading.Lock()  # The models are not made for several threads.
         self.name = folder.resolve().name
         self.versions: list[Version] = []
         self.lines: dict[int, list[str]] = {}
@@ -254,7 +254,7 @@ class ViewedMap:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or the text is empty.
         """
-        with self._lock:
+        with self._query_lock:
             return self._semantics(number).queries.find(text)
 
     def name_at(self, number: int, point: Floats) -> tuple[str, Instance | None] | None:
@@ -271,7 +271,7 @@ class ViewedMap:
         Raises:
             ImportError, OSError, ValueError: As for `find`.
         """
-        with self._lock:
+        with self._query_lock:
             semantics, gaussian_map = self._semantics(number), self.gaussians(number)
             offsets = gaussian_map.means - (point - gaussian_map.origin)
             rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < NEAR_M)
@@ -323,10 +323,10 @@ class ViewedMap:
 
     def _cached(self, function: Callable[[int], Value], size: int) -> Callable[[int], Value]:
         """Return a function of the number of a version that remembers its last results."""
-        cached = lru_cache(size)(function)
+        cached, lock = lru_cache(size)(function), threading.Lock()
 
         def locked(number: int) -> Value:
-            with self._lock:
+            with lock:  # Nothing is read twice, and what is slow delays no other function.
                 return cached(number)
 
         return locked
