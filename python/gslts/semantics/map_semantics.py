@@ -17,7 +17,7 @@ from gslts.semantics.files import read_semantics
 from gslts.semantics.lift import FeatureView, lift_codes
 from gslts.semantics.registry import open_source
 from gslts.semantics.source import Codec, SemanticSource
-from gslts.types import Bools, Indices
+from gslts.types import Bools, Floats32, Indices
 
 _logger = logging.getLogger(__name__)
 
@@ -112,7 +112,8 @@ class MapSemantics:
     def name_of(self, gaussian_map: GaussianMap, rows: Indices) -> str | None:
         """Name the object that Gaussians belong to.
 
-        By majority vote, or by the greatest mean score of the classes of a detector.
+        By majority vote, or by the class of a detector with the greatest mean score beyond that of
+        the surroundings: what a detector sees there, too, is something larger.
 
         Args:
             gaussian_map: With features.
@@ -123,10 +124,27 @@ class MapSemantics:
             detector saw none.
         """
         if isinstance(self.codec, ClassCodec):
-            scores = gaussian_map.features[rows, 1:].sum(axis=0) / max(1, len(rows))
+            scores = self._mean_scores(gaussian_map, rows)
+            scores = scores - self._mean_scores(gaussian_map, _surroundings(gaussian_map, rows))
             best = int(scores.argmax())
             return self.names[best] if scores[best] >= MIN_NAME_SCORE else None
         classes = classify_gaussians(gaussian_map, rows, self.codec, self.source, self.names)
         counts = np.bincount(classes + 1, minlength=2)[1:]  # Without class -1.
         best = int(counts.argmax())
         return self.names[best] if counts[best] > MIN_MAJORITY * counts.sum() else None
+
+    @staticmethod
+    def _mean_scores(gaussian_map: GaussianMap, rows: Indices) -> Floats32:
+        """Return [K] the mean scores of the classes of a detector; 0 without Gaussians."""
+        sums = gaussian_map.features[rows, 1:].sum(axis=0)
+        return np.asarray(sums / max(1, len(rows)), np.float32)
+
+
+def _surroundings(gaussian_map: GaussianMap, rows: Indices) -> Indices:
+    """Return the rows of the Gaussians around some, up to the size of their box away."""
+    if len(rows) == 0:
+        return rows
+    low, high = gaussian_map.means[rows].min(axis=0), gaussian_map.means[rows].max(axis=0)
+    size, origin = high - low, gaussian_map.origin
+    near = gaussian_map.rows_in_box(low - size + origin, high + size + origin)
+    return np.setdiff1d(near, rows)

@@ -138,3 +138,16 @@ def test_objects_are_named_by_their_mean_distribution() -> None:
     assert semantics.name_of(gaussian_map, np.flatnonzero(x < -0.05)) == "cup"
     assert semantics.name_of(gaussian_map, np.flatnonzero(x > 0.05)) is None
     assert semantics.name_of(gaussian_map, np.zeros(0, np.intp)) is None
+
+
+def test_what_goes_on_around_an_object_does_not_name_it() -> None:
+    """A cup that is detected less often than the sofa behind it."""
+    semantics = MapSemantics(source(), CODEC, NAMES)
+    gaussian_map = two_cups(0.1, 0.0, 0.0)
+    features = gaussian_map.features.copy()
+    features[:, 2] = 0.4
+    both = replace(gaussian_map, features=features)
+    cup = np.flatnonzero(features[:, 1] > 0)
+    assert semantics.name_of(both, cup) == "cup"
+    features[cup, 2] = 0.6  # The sofa stands out by more.
+    assert semantics.name_of(replace(both, features=features), cup) == "sofa"
