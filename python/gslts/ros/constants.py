@@ -21,8 +21,8 @@ STILL_PERIOD_S = 2.0
 """Time between frames that are compared with the map while the robot stands still."""
 KEYFRAME_M, KEYFRAME_RAD = 0.15, 0.26
 """Motion after which a frame is remembered and recorded: successive views share 80 % of a field of
-69 degrees. With turns of 0.4 rad, the map of a living room has 27.2 instead of 29.4 dB; at double the
-distance, updates lack views, which are 0.25 m apart."""
+69 degrees. With turns of 0.4 rad, the map of a living room has 27.2 instead of 29.4 dB; at double
+the distance, updates lack views, which are 0.25 m apart."""
 MAX_KEYFRAMES = 80
 """Number of frames in memory, from which passive updates take their views: 170 MB at 640 x 480 px,
 and one round around a table."""
