@@ -19,6 +19,9 @@ STILL_M, STILL_RAD = 0.01, 0.01
 """Motion since the last frame up to which the robot stands still: the noise of odometry."""
 STILL_PERIOD_S = 2.0
 """Time between frames that are compared with the map while the robot stands still."""
+WATCH_M, WATCH_RAD = 0.05, 0.05
+"""Motion after which a frame counts for the confirmation of changes: frames of a robot that stands
+repeat the same error, and an update needs other views anyway."""
 KEYFRAME_M, KEYFRAME_RAD = 0.15, 0.26
 """Motion after which a frame is remembered and recorded: successive views share 80 % of a field of
 69 degrees. With turns of 0.4 rad, the map of a living room has 27.2 instead of 29.4 dB; at double

@@ -12,7 +12,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Localization
-from gslts.ros.constants import STILL_M, STILL_PERIOD_S, STILL_RAD
+from gslts.ros.constants import STILL_M, STILL_PERIOD_S, STILL_RAD, WATCH_M, WATCH_RAD
 from gslts.ros.frame_memory import FrameMemory, has_moved
 from gslts.ros.intake import Intake
 from gslts.types import Floats
@@ -50,7 +50,6 @@ class Judge:
         now_s: Returns the time of the stamps, s.
         localizer: Places frames in the map; None keeps their poses.
         watch: Looks for changes in a placed frame; None if there is no map yet.
-        is_pending: Returns True if the last frame shows a change that is not confirmed yet.
         on_judged: Called with each result; second, True if the frame is a keyframe.
     """
 
@@ -63,14 +62,14 @@ class Judge:
         *,
         localizer: Localizer | None = None,
         watch: Callable[[RgbdFrame], None] | None = None,
-        is_pending: Callable[[], bool] = lambda: False,
         on_judged: Callable[[Judged, bool], None],
     ) -> None:
         self._intake, self._memory, self._now_s = intake, memory, now_s
         self._period_s, self._localizer = 1 / rate_hz, localizer
-        self._watch, self._is_pending, self._on_judged = watch, is_pending, on_judged
+        self._watch, self._on_judged = watch, on_judged
         self._correction: Floats = np.eye(4)
         self._last_pose: Floats | None = None
+        self._watched_pose: Floats | None = None
         self._failure: Exception | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="gslts-judge", daemon=True)
@@ -114,7 +113,7 @@ class Judge:
 
     def _rests(self) -> bool:
         """Return True if the robot stands where it stood, and nobody waits for a frame."""
-        if self._last_pose is None or self._memory.wanted.is_set() or self._is_pending():
+        if self._last_pose is None or self._memory.wanted.is_set():
             return False
         try:
             pose = self._intake.latest_pose()
@@ -132,7 +131,13 @@ class Judge:
                 self._correction = self._localizer.world_from_odometry
         if self._watch is not None and not self._memory.wanted.is_set():
             # A lane that waits for this frame watches it itself.
-            self._watch(placed)
+            self._watch_if_moved(self._watch, placed)
         latency_s = self._now_s() - frame.time_s
         is_key = self._memory.add(placed)
         self._on_judged(Judged(placed, found, latency_s, self._correction), is_key)
+
+    def _watch_if_moved(self, watch: Callable[[RgbdFrame], None], frame: RgbdFrame) -> None:
+        pose, last = frame.camera.world_from_camera, self._watched_pose
+        if last is None or has_moved(last, pose, WATCH_M, WATCH_RAD):
+            self._watched_pose = pose
+            watch(frame)

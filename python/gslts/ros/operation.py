@@ -217,7 +217,6 @@ class Operation:
                         self._now_s,
                         localizer=keeper.localizer,
                         watch=keeper.watch,
-                        is_pending=lambda: keeper.monitor.is_pending,
                         on_judged=on_judged,
                     ) as judge,
                 ):

@@ -104,7 +104,8 @@ def test_rviz_shows_topics_that_the_node_has() -> None:
         for item in [*config["Displays"], *config["Tools"]]
         if "Topic" in item
     }
-    source = (ROOT / "python/gslts/ros/node.py").read_text()
+    folder = ROOT / "python/gslts/ros"
+    source = "".join((folder / f"{name}.py").read_text() for name in ("goals", "publishing"))
     own = {f"/{name}" for name in re.findall(r'"(gslts/\w+|goal_pose)"', source)}
     camera = yaml.safe_load((PACKAGE / "config/realsense.yaml").read_text())["rgb"]
     assert shown <= own | {camera}
