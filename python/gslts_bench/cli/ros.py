@@ -26,9 +26,10 @@ def ros(
 ) -> None:
     """Let a simulated robot live a day over ROS 2: map a room, find changes, go to an object.
 
-    Robot and node are processes of their own, which hear nobody else. It needs rclpy.
+    Robot and node are processes of their own, which hear nobody else. It needs rclpy: source ROS, or use
+    build/ros/bin/gslts, which scripts/setup ros makes.
 
-    Example: build/ros/bin/gslts bench ros --out out/ros_day
+    Example: gslts bench ros --out out/ros_day
     """
     # In a domain of their own, on this machine alone.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
