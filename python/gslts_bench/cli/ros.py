@@ -26,8 +26,8 @@ def ros(
 ) -> None:
     """Let a simulated robot live a day over ROS 2: map a room, find changes, go to an object.
 
-    Robot and node are processes of their own, which hear nobody else. It needs rclpy: source ROS, or use
-    build/ros/bin/gslts, which scripts/setup ros makes.
+    Robot and node are processes of their own, which hear nobody else. It needs rclpy: source ROS,
+    or use build/ros/bin/gslts, which scripts/setup ros makes.
 
     Example: gslts bench ros --out out/ros_day
     """
