@@ -34,8 +34,8 @@ LEAVE_S = 15.0
 MAX_WAIT_S = 120.0
 """Time after which a change that waits for views is tried with those it has."""
 ARRIVED_M, ARRIVED_RAD = 0.3, 0.12
-"""Tolerances of a goal: Nav2 has 0.25 m and 0.25 rad by default. The robot may know of obstacles that
-the map lacks and stop beside a goal; a wrong direction would miss small regions."""
+"""Tolerances of a goal: Nav2 has 0.25 m and 0.25 rad by default. The robot may know of obstacles
+that the map lacks and stop beside a goal; a wrong direction would miss small regions."""
 STUCK_S = 4.0
 """Time without motion after which a goal counts as missed: Nav2 plans again within a second. With
 0.15 m and 6 s, views of an update took 8 s each, most of it waiting."""
