@@ -15,17 +15,21 @@ from gslts.ros.robot import RosRobot
 
 FLOOR_M = 0.0
 """Height of the floor in the frame of the poses, m: that of the base at the start."""
-PITCH_RAD = float(np.deg2rad(20))
-"""Angle of the camera below the horizon, rad: floor from 1.3 m on, and furniture; see
-`gslts.keeper.exploration.RINGS`."""
+PITCHES_RAD = tuple(np.deg2rad((20.0, -10.0)).tolist())
+"""Angles of the camera below the horizon in a turn around, rad: the first shows floor and
+furniture, the second the walls above, as `gslts.keeper.exploration.RINGS`. With the first alone,
+upper walls are blurred in the map, and changes are reported there."""
 QUARTERS = 4
 """Goals of a turn around: frames are remembered on the way from each to the next."""
+SPACING_M = 1.4
+"""Maximum distance of floor from the nearest position, m: a living room takes eight positions."""
 
 
 def explore(
     robot: RosRobot,
     memory: FrameMemory,
     body: RobotBody,
+    can_tilt: bool,
     stop: threading.Event,
     log: Callable[[str], None],
 ) -> None:
@@ -35,6 +39,7 @@ def explore(
         robot: In the coordinates of its odometry.
         memory: Gets the frames on the way.
         body: Size of the robot.
+        can_tilt: The camera can be tilted.
         stop: Set if the node should end.
         log: Called with one line for each position.
 
@@ -43,10 +48,11 @@ def explore(
     """
     added_s = robot.observe().time_s
     floor = ObservedFloor(robot.pose()[:2, 3], FLOOR_M, body)
-    explorer = FrontierExplorer(floor, body)
+    explorer = FrontierExplorer(floor, body, SPACING_M)
     count = 0
     while not stop.is_set():
-        _turn_around(robot, stop)
+        for pitch_rad in PITCHES_RAD if can_tilt else PITCHES_RAD[:1]:
+            _turn_around(robot, pitch_rad, stop)
         for frame in memory.since(added_s):
             floor.add(frame)
             added_s = max(added_s, frame.time_s + 1e-6)
@@ -56,16 +62,16 @@ def explore(
         count += 1
         x, y = goal.position.tolist()
         log(f"exploring: position {count} at ({x:.2f}, {y:.2f}) m")
-        if not robot.move_towards(goal.position, goal.yaw_rad, PITCH_RAD):
+        if not robot.move_towards(goal.position, goal.yaw_rad, PITCHES_RAD[0]):
             explorer.block(goal.position)
 
 
-def _turn_around(robot: RosRobot, stop: threading.Event) -> None:
+def _turn_around(robot: RosRobot, pitch_rad: float, stop: threading.Event) -> None:
     pose = robot.pose()
     start_rad = float(np.arctan2(pose[1, 2], pose[0, 2]))
     for quarter in range(1, QUARTERS + 1):
         if stop.is_set():
             return
         yaw_rad = start_rad + 2 * np.pi * quarter / QUARTERS
-        robot.move_towards(robot.pose()[:2, 3], yaw_rad, PITCH_RAD)
+        robot.move_towards(robot.pose()[:2, 3], yaw_rad, pitch_rad)
         robot.observe()

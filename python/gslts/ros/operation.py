@@ -175,7 +175,9 @@ class Operation:
         self._log("no map yet: recording; the command build makes a map of the recording")
         if self._goals is not None and self.robot is not None:
             try:
-                explore(self.robot, memory, self._config.body, self._stop, self._log)
+                can_tilt = bool(self._config.topics.tilt)
+                body = self._config.body
+                explore(self.robot, memory, body, can_tilt, self._stop, self._log)
             except RobotLostError as error:
                 self._log(f"exploration ended: {error}")
             else:
