@@ -47,7 +47,7 @@ class GsltsNode:
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
         received = Subscriptions(node, config, self._problems)
-        self._intake, poses = received.intake, received.poses
+        self._received, self._intake, poses = received, received.intake, received.poses
         self._publishing = Publishing(node, config, lambda: poses.world)
         goals = Goals(node, config.topics.tilt, lambda: poses.world, self._on_foreign_goal)
         self.operation = Operation(
@@ -97,6 +97,7 @@ class GsltsNode:
             self.operation.robot.leave_alone()
 
     def _diagnose(self) -> None:
+        self._received.check()
         problems, state = self._problems.present(), self.operation.status()
         latencies_s = self._publishing.latencies_s
         self._publishing.diagnostics(statuses(self._intake.counts, latencies_s, problems, state))

@@ -44,9 +44,26 @@ class Subscriptions:
 
     def __init__(self, node: Node, config: NodeConfig, problems: Problems) -> None:
         self._node, self._config, self._problems = node, config, problems
+        self._expected: dict[str, Any] = {}
         self.poses = self._subscribe_poses()
         self.intake = Intake(config.topics, self.poses, self._decode, problems)
         self._types = self._subscribe_images()
+        self._expected |= self._types
+
+    def check(self) -> None:
+        """Report topics that nobody publishes, of another type, or of several publishers."""
+        for topic, kind in self._expected.items():
+            expected = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+            name = self._node.resolve_topic_name(topic)
+            found = self._node.get_publishers_info_by_topic(name)
+            others = {each.topic_type for each in found} - {expected}
+            if not found:
+                self._problems.report(topic, "nobody publishes it")
+            elif others:
+                self._problems.report(topic, f"expected {expected}, got {', '.join(others)}")
+            elif len(found) > 1:
+                nodes = ", ".join(sorted(each.node_name for each in found))
+                self._problems.report(topic, f"{len(found)} nodes publish it: {nodes}")
 
     def _subscribe_poses(self) -> LivePoses:
         """Subscribe to the source of poses: a topic if one is given, else tf, else none."""
@@ -58,6 +75,7 @@ class Subscriptions:
             from_topic = TopicPoses(self._config.mount)
             add = self._guarded(topic, from_topic.add)
             node.create_subscription(kind, topic, add, qos_profile_sensor_data)
+            self._expected[topic] = kind
             return from_topic
         try:
             from tf2_msgs.msg import TFMessage

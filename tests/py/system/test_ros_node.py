@@ -173,8 +173,10 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
     depth = "/camera/aligned_depth_to_color/image_raw"
     with running(ros, tmp_path):
         driver, (frame,) = Driver(ros), frames_of(home(), VIEWPOINTS[:1])
-        localized(ros, driver, frame)
         ros.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        for topic in ("/camera/color/image_raw", "/camera/pose"):
+            assert problem_of(ros, topic, "nobody") == "nobody publishes it"
+        localized(ros, driver, frame)
         for topic, encoding, pixels, reason in (
             (depth, "16UC1", np.zeros((6, 8), np.uint16), "8 x 6 px, and its CameraInfo 320 x 240"),
             (depth, "yuv422", np.zeros((240, 320), np.uint16), "encoding yuv422 is not one of"),
