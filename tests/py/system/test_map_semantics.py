@@ -204,7 +204,8 @@ def test_an_updated_map_is_rejected(tmp_path: Path) -> None:
 
 def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "gslts.semantics.embed.train_autoencoder", partial(train_autoencoder, steps=20)
+        "gslts.semantics.train_autoencoder.train_autoencoder",
+        partial(train_autoencoder, steps=20),
     )
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.VIEWPOINTS[:2], visit)
