@@ -13,8 +13,6 @@ from gslts.cli.navigation import Height, Radius, Step
 
 # Imports are inside the command, so that `gslts --help` starts fast.
 
-Topic = Annotated[str, typer.Option(metavar="TOPIC")]
-
 
 def ros(
     map_path: Annotated[Path, typer.Option("--map", metavar="MAP", help="Folder of the map.")],

@@ -55,8 +55,7 @@ def viewed(map_path: Path, wanted: bool) -> Iterator[None]:
         map_path: Folder of the map.
         wanted: False does nothing.
     """
-    program = "import gslts.cli; gslts.cli.main()"
-    command = [sys.executable, "-c", program, "view", str(map_path), "--port", "0"]
+    command = [sys.executable, "-m", "gslts", "view", str(map_path), "--port", "0"]
     process = subprocess.Popen(command) if wanted else None
     try:
         yield

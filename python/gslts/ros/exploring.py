@@ -11,7 +11,7 @@ from gslts.core.robot_body import RobotBody
 from gslts.navigation.frontiers import FrontierExplorer
 from gslts.navigation.observed_floor import ObservedFloor
 from gslts.ros.frame_memory import FrameMemory
-from gslts.ros.robot import RosRobot
+from gslts.ros.robot import RosRobot, yaw_of
 
 FLOOR_M = 0.0
 """Height of the floor in the frame of the poses, m: that of the base at the start."""
@@ -45,6 +45,7 @@ def explore(
 
     Raises:
         RobotLostError: The robot has no pose, or no frame comes.
+        ValueError: No floor is seen near the robot.
     """
     added_s = robot.observe().time_s
     floor = ObservedFloor(robot.pose()[:2, 3], FLOOR_M, body)
@@ -67,8 +68,7 @@ def explore(
 
 
 def _turn_around(robot: RosRobot, pitch_rad: float, stop: threading.Event) -> None:
-    pose = robot.pose()
-    start_rad = float(np.arctan2(pose[1, 2], pose[0, 2]))
+    start_rad = yaw_of(robot.pose())
     for quarter in range(1, QUARTERS + 1):
         if stop.is_set():
             return

@@ -25,12 +25,6 @@ class FrameMemory:
         self._keyframes: deque[RgbdFrame] = deque(maxlen=MAX_KEYFRAMES)
         self._new = threading.Condition()
 
-    @property
-    def newest(self) -> RgbdFrame | None:
-        """Newest frame; None before the first one."""
-        with self._new:
-            return self._newest
-
     def add(self, frame: RgbdFrame) -> bool:
         """Add a frame.
 

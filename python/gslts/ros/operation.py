@@ -130,17 +130,15 @@ class Operation:
         if keeper is None or robot is None:
             return Status("operation", "ok", self._activity)
         activity = "the robot follows another goal" if robot.is_left_alone else self._activity
-        fault, values = (
-            keeper.monitor.fault,
-            {"unreliable frames": keeper.monitor.counts.unreliable},
-        )
+        fault = keeper.monitor.fault
+        values = {"unreliable frames": keeper.monitor.counts.unreliable}
         return Status("operation", "ok" if fault is None else "warn", fault or activity, values)
 
     def _build(self) -> None:
         """Record frames until the word "build" comes, or until the robot has explored the room."""
         config = self._config
         recording = recording_of(config.map_path, config.record)
-        memory = FrameMemory()
+        memory, explores = FrameMemory(), self._goals is not None
         while not config.map_path.exists():
             recorder = Recorder(recording, self._problems)
 
@@ -154,7 +152,7 @@ class Operation:
                     self._intake, memory, config.rate_hz, self._now_s, on_judged=record
                 ) as judge:
                     self._start_robot(judge, memory, None)
-                    self._gather(judge, memory)
+                    self._gather(judge, memory, explores)
             finally:
                 recorder.close()
             if self._stop.is_set():
@@ -165,20 +163,21 @@ class Operation:
             except (ValueError, RuntimeError) as error:
                 if self._stop.is_set():
                     raise StoppedError from None
+                explores = False  # The same frames would fail again.
                 self._log(f"not built: {error}")
                 self._publishing.event("not built", reason=str(error))
         self._publishing.event("built")
 
-    def _gather(self, judge: Judge, memory: FrameMemory) -> None:
+    def _gather(self, judge: Judge, memory: FrameMemory, explores: bool) -> None:
         """Let the robot explore, or wait for the word "build"."""
         self._activity = "recording, there is no map yet"
         self._log("no map yet: recording; the command build makes a map of the recording")
-        if self._goals is not None and self.robot is not None:
+        if explores and self.robot is not None:
             try:
                 can_tilt = bool(self._config.topics.tilt)
                 body = self._config.body
                 explore(self.robot, memory, body, can_tilt, self._stop, self._log)
-            except RobotLostError as error:
+            except (RobotLostError, ValueError) as error:
                 self._log(f"exploration ended: {error}")
             else:
                 self._publishing.event("explored")

@@ -130,7 +130,7 @@ class RosRobot:
         # The correction of the odometry also tilts a little, which far from its origin is metres:
         # the goal is given relative to the present pose.
         here, believed = self.pose(), self._odometry()
-        turn_rad = _yaw_of(believed) - _yaw_of(here)
+        turn_rad = yaw_of(believed) - yaw_of(here)
         goal = believed[:2, 3] + _turn(turn_rad) @ (position - here[:2, 3])
         self._goals.drive_to(*self._goal_of_base(goal, yaw_rad + turn_rad))
         return self._wait_until_at(goal, yaw_rad + turn_rad)
@@ -147,7 +147,7 @@ class RosRobot:
         mount = self._base_from_camera()
         if mount is None:
             return position, yaw_rad
-        yaw_of_base_rad = yaw_rad - _yaw_of(mount)
+        yaw_of_base_rad = yaw_rad - yaw_of(mount)
         return position - _turn(yaw_of_base_rad) @ mount[:2, 3], yaw_of_base_rad
 
     def _wait_until_at(self, goal: Floats, yaw_rad: float) -> bool:
@@ -161,7 +161,7 @@ class RosRobot:
             moved_m, turned_rad = pose_distance(last, pose)
             if moved_m > STILL_M or turned_rad > STILL_RAD:
                 last, moved_s = pose, now_s
-            off_rad = (_yaw_of(pose) - yaw_rad + np.pi) % (2 * np.pi) - np.pi
+            off_rad = (yaw_of(pose) - yaw_rad + np.pi) % (2 * np.pi) - np.pi
             is_there = np.linalg.norm(pose[:2, 3] - goal) < ARRIVED_M and abs(off_rad) < ARRIVED_RAD
             if now_s - moved_s > (TILT_S if is_there else STUCK_S):
                 return bool(is_there)
@@ -190,6 +190,10 @@ def _turn(yaw_rad: float) -> Floats:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
-def _yaw_of(pose: Floats) -> float:
-    """Return the direction of a camera about z, rad."""
+def yaw_of(pose: Floats) -> float:
+    """Return the direction of a camera about z, from x to y, rad.
+
+    Args:
+        pose: [4,4] world_from_camera, m.
+    """
     return float(np.arctan2(pose[1, 2], pose[0, 2]))

@@ -9,12 +9,10 @@ import numpy as np
 from gslts.change.changes import Change
 from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
+from gslts.keeper.schedule import SAME_CHANGE_M
 from gslts.ros.constants import LEAVE_S, MAX_WAIT_S
 from gslts.update.evidence import is_visible
 from gslts.update.region import regions_of
-
-SAME_CHANGE_M = 0.3
-"""Maximum distance between two reports of one change, m; that of the monitor."""
 
 
 class WaitingChanges:
