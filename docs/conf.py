@@ -8,17 +8,22 @@ each other by the same relative paths here, on the site and on the pages of a ho
 
 from __future__ import annotations
 
+import inspect
+import os
 import re
 from collections.abc import Iterator
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import gslts
+import gslts.types
 
 ROOT = Path(__file__).parent.parent
 
 project = "gslts"
-release = re.findall(r"project\(gslts VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text())[0]
+release = gslts.__version__
 root_doc = "docs/index"
 include_patterns = ["*.md", "benchmarks/**.md", "docs/**", "ros/**.md"]
 exclude_patterns = ["docs/api/modules.rst"]
@@ -37,17 +42,20 @@ html_show_copyright = False
 
 myst_heading_anchors = 4  # As GitHub makes them: `#a-foreign-home`.
 
+os.environ["SPHINX_APIDOC_OPTIONS"] = "members"  # The setting is not read for packages.
 apidoc_modules = [
     {
         "path": "../python/gslts",
         "destination": "docs/api",
-        "exclude_patterns": [f"../python/gslts/{name}*" for name in ("_core", "cli", "ros", "__main")],
-        "automodule_options": {"members"},
+        "exclude_patterns": [
+            f"../python/gslts/{name}*" for name in ("_core", "cli", "ros", "__main")
+        ],
         "module_first": True,
     }
 ]
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: f"gslts.types.{name}" for name in vars(gslts.types) if name[0] != "_"}
 default_role = "code"  # Docstrings have `names` between single quotes, as Markdown has.
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -64,10 +72,10 @@ SETTINGS = (
     "update.config.EditConfig",
     "update.config.RefineConfig",
     "keeper.config.KeeperConfig",
-    "ros.config.NodeConfig",
-    "ros.config.Topics",
 )
 """Models of settings in `gslts`, in the order of the data flow."""
+ATTRIBUTE = r"^    (\w[\w, ]*): (.+(?:\n     .+)*)"
+"""Names and meaning of attributes in the docstring of a model."""
 
 
 def commands() -> str:
@@ -78,15 +86,36 @@ def commands() -> str:
     from gslts.cli import app
 
     command = get_command(app)
+    for group in (command, *command.commands.values()):
+        for part in getattr(group, "commands", {}).values():
+            part.short_help = part.help.partition("\n\n")[0].replace("\n", " ")  # In full.
     text = get_docs_for_click(obj=command, ctx=command.context_class(command), name="gslts")
     text = re.sub(r"^Example: (.*(?:\n.+)*)", r"```sh\n\1\n```", text, flags=re.MULTILINE)
     text = text.replace("```console\n$ ", "```text\n")
-    return text
+    text = text.replace("* `--help`: Show this message and exit.\n", "")
+    listed, heading, rest = text[text.index("* `map`") :].partition("\n## ")
+    return re.sub(r"\* `(.+)`:", r"* [`\1`](#gslts-\1):", listed) + heading + rest
 
 
-def settings() -> str:
-    """Return the documentation of all models of settings, with types and defaults."""
-    return "\n".join(f"```{{eval-rst}}\n.. autoclass:: gslts.{name}\n   :no-index:\n```" for name in SETTINGS)
+def settings() -> Iterator[str]:
+    """Yield a table of each model of settings: names, defaults, and what its docstring says."""
+    for path in SETTINGS:
+        module, name = path.rsplit(".", 1)
+        model = getattr(import_module(f"gslts.{module}"), name)
+        yield f"### {name}\n\nOf `gslts.{module}`.\n"
+        yield "| setting | default | |\n|---|---|---|"
+        text, values = inspect.cleandoc(model.__doc__), model()
+        for names, meaning in re.findall(ATTRIBUTE, text, re.MULTILINE):
+            for setting in filter(partial(hasattr, values), names.split(", ")):
+                default = _plain(getattr(values, setting))
+                yield f"| `{setting}` | {default} | {' '.join(meaning.split())} |"
+        yield ""
+
+
+def _plain(value: object) -> str:
+    """Return a default for a table: a number, a text, or the name of a model."""
+    is_simple = value is None or isinstance(value, bool | int | float | str | tuple)
+    return f"`{value!r}`" if is_simple else f"`{type(value).__name__}`"
 
 
 def headers() -> Iterator[str]:
@@ -100,35 +129,58 @@ def headers() -> Iterator[str]:
 
 GENERATED = {
     "docs/commands": commands,
-    "docs/settings": settings,
+    "docs/settings": lambda: "\n".join(settings()),
     "docs/headers": lambda: "\n\n".join(headers()),
 }
 """By page: what is appended to its text. These pages are read anew in each build."""
 
 
-def append_generated(app: Any, page: str, source: list[str]) -> None:
-    """Append what is generated to the text of a page.
+def write_page(_: Any, page: str, source: list[str]) -> None:
+    """Append what is generated to the text of a page, and link the names that `gslts` exports.
 
     Args:
-        app: Unused.
         page: Path of the page, without suffix.
         source: Its text, replaced.
     """
+    if page.startswith("docs/") and not page.startswith("docs/api/"):
+        names = "|".join(gslts.__all__)
+        source[0] = re.sub(rf"`(gslts\.)?({names})`", r"{py:obj}`\1\2 <gslts.\2>`", source[0])
     if page in GENERATED:
         source[0] += "\n" + GENERATED[page]()
 
 
-def skip_twice(app: Any, kind: str, name: str, value: Any, skip: bool, options: Any) -> bool | None:
+def skip_twice(app: Any, _: str, name: str, value: Any, *__: Any) -> bool | None:
     """Leave a compiled class that `gslts` exports to the page of `gslts`: it has no other module.
 
     Args:
         app: Sphinx.
-        kind, skip, options: Unused.
         name: Of the class.
         value: The class.
     """
+    is_elsewhere = app.env.docname != "docs/api/gslts" and name in gslts.__all__
     is_compiled = str(getattr(value, "__module__", "")).startswith("gslts._core.")
-    return True if is_compiled and app.env.docname != "docs/api/gslts" and name in gslts.__all__ else None
+    return True if is_elsewhere and is_compiled else None
+
+
+def read_constant(_: Any, kind: str, *rest: Any) -> None:
+    """Keep Napoleon from taking the docstring of a constant for `type: description`.
+
+    Args:
+        kind: Kind of what is documented.
+        rest: Ends with the lines of the docstring, changed in place.
+    """
+    if kind in ("data", "attribute", "property"):
+        rest[-1].insert(0, "")
+
+
+def shorten_signature(_: Any, kind: str, __: str, value: Any, *___: Any) -> Any:
+    """Leave out the signature of a model of settings: its attributes follow.
+
+    Args:
+        kind: Kind of what is documented.
+        value: The class.
+    """
+    return ("", None) if kind == "class" and hasattr(value, "model_fields") else None
 
 
 def setup(app: Any) -> None:
@@ -137,6 +189,8 @@ def setup(app: Any) -> None:
     Args:
         app: Sphinx.
     """
-    app.connect("source-read", append_generated)
+    app.connect("source-read", write_page)
     app.connect("env-get-outdated", lambda *_: list(GENERATED))
     app.connect("autodoc-skip-member", skip_twice)
+    app.connect("autodoc-process-docstring", read_constant, priority=400)  # Before Napoleon.
+    app.connect("autodoc-process-signature", shorten_signature)

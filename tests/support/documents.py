@@ -30,7 +30,7 @@ LANGUAGES = {
     "cmake": "not run: tests/consumer is built with them",
     "text": "not run",
 }
-"""By language: what happens to a block. All others are errors; `{toctree}` and the like are Sphinx's."""
+"""By language: what happens to a block. Others are errors, but for `{toctree}` and the like."""
 OTHER_PROGRAMS = {
     "cd", "clang-tidy", "cmake", "colcon", "cp", "ctest", "dask", "mkdir", "npm", "perf", "ros2",
     "rosdep", "source", "ssh",
@@ -131,7 +131,7 @@ def _check_command(words: list[str]) -> None:
 
 
 def _check_gslts(arguments: list[str]) -> None:
-    """Parse arguments, with types and choices unless one of them is a URL, which would be opened."""
+    """Parse arguments, with types and choices unless there is a URL, which would be opened."""
     resilient = any("://" in argument for argument in arguments)
     command, name = COMMAND, "gslts"
     while hasattr(command, "commands"):

@@ -1,4 +1,4 @@
-"""The documents hold: their code runs as written, and messages and variables are those of the code."""
+"""Documents agree with the code: examples run as written, messages and variables exist."""
 
 import ast
 import json
