@@ -55,7 +55,7 @@ apidoc_modules = [
 ]
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
-autodoc_type_aliases = {name: f"gslts.types.{name}" for name in vars(gslts.types) if name[0] != "_"}
+autodoc_type_aliases = {name: name for name in vars(gslts.types) if name[0] != "_"}
 default_role = "code"  # Docstrings have `names` between single quotes, as Markdown has.
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -162,15 +162,17 @@ def skip_twice(app: Any, _: str, name: str, value: Any, *__: Any) -> bool | None
     return True if is_elsewhere and is_compiled else None
 
 
-def read_constant(_: Any, kind: str, *rest: Any) -> None:
-    """Keep Napoleon from taking the docstring of a constant for `type: description`.
+def swap_colons(old: str, new: str, _: Any, kind: str, *rest: Any) -> None:
+    """Replace colons in docstrings of constants, which Napoleon takes for `type: description`.
 
     Args:
+        old: Text to replace.
+        new: Its replacement.
         kind: Kind of what is documented.
         rest: Ends with the lines of the docstring, changed in place.
     """
     if kind in ("data", "attribute", "property"):
-        rest[-1].insert(0, "")
+        rest[-1][:] = [line.replace(old, new) for line in rest[-1]]
 
 
 def shorten_signature(_: Any, kind: str, __: str, value: Any, *___: Any) -> Any:
@@ -192,5 +194,7 @@ def setup(app: Any) -> None:
     app.connect("source-read", write_page)
     app.connect("env-get-outdated", lambda *_: list(GENERATED))
     app.connect("autodoc-skip-member", skip_twice)
-    app.connect("autodoc-process-docstring", read_constant, priority=400)  # Before Napoleon.
+    for priority, old, new in ((400, ":", "\0"), (600, "\0", ":")):  # Before and after Napoleon.
+        swap = partial(swap_colons, old, new)
+        app.connect("autodoc-process-docstring", swap, priority=priority)
     app.connect("autodoc-process-signature", shorten_signature)
