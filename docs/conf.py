@@ -38,6 +38,8 @@ html_theme = "furo"
 html_theme_options = {"light_css_variables": {"--code-font-size": "75%"}}  # 98 columns.
 html_title = f"gslts {release}"
 html_extra_path = ["redirect"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_copy_source = False
 html_show_copyright = False
 
