@@ -32,8 +32,8 @@ LANGUAGES = {
 }
 """By language: what happens to a block. Others are errors, but for `{toctree}` and the like."""
 OTHER_PROGRAMS = {
-    "cd", "clang-tidy", "cmake", "colcon", "cp", "ctest", "dask", "mkdir", "npm", "perf", "ros2",
-    "rosdep", "source", "ssh",
+    "apt-get", "cd", "cmake", "colcon", "cp", "ctest", "dask", "mkdir", "perf", "ros2", "rosdep",
+    "rtabmap-export", "source", "unzip",
 }  # fmt: skip
 """Programs whose arguments are not checked."""
 KEYWORDS = {"for", "do", "done"}
@@ -139,6 +139,8 @@ def _check_gslts(arguments: list[str]) -> None:
     """Parse arguments, with types and choices unless there is a URL, which would be opened."""
     resilient = any("://" in argument for argument in arguments)
     command, name = COMMAND, "gslts"
+    if arguments in (["--help"], ["--version"]):
+        return
     while hasattr(command, "commands"):
         name, *arguments = arguments
         assert name in command.commands, f"gslts has no command {name}"
