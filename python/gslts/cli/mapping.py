@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -172,8 +173,7 @@ def make(
     write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
     saved.unlink(missing_ok=True)
     trajectory.unlink(missing_ok=True)
-    for reason in result.skipped:
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped(result.skipped)
     if (warning := warning_of(result)) is not None:
         typer.echo(f"warning: {warning}", err=True)
     typer.echo(f"wrote {out}: {summary_of(result)}")
@@ -187,6 +187,18 @@ def beside(out: Path, ending: str) -> Path:
         ending: Ending of the file, such as `CHECKPOINT`.
     """
     return out.with_name(out.name + ending)
+
+
+def echo_skipped(left_out: Iterable[str]) -> None:
+    """Print which frames are left out and why, with one line for each reason.
+
+    Args:
+        left_out: Lines of the form "name: reason".
+    """
+    from gslts.datasets.dataset import join_reasons
+
+    for line in join_reasons(left_out):
+        typer.echo(f"skipped {line}", err=True)
 
 
 def open_with_poses(
