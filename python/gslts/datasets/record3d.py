@@ -1,8 +1,8 @@
 """Recordings of Record3D, an app for phones with LiDAR: its `.r3d` files, and folders with EXR.
 
 A `.r3d` file is a zip archive with `metadata`, and `rgbd/N.jpg`, `rgbd/N.depth` (float32, m) and
-`rgbd/N.conf` (0 low, 1 medium, 2 high), both compressed with LZFSE; the unpacked folder will do. The
-export "EXR + JPG" has `metadata.json`, `rgb/N.jpg` and `depth/N.exr`. Poses are camera to world in
+`rgbd/N.conf` (0 low, 1 medium, 2 high), both compressed with LZFSE; the unpacked folder will do.
+The export "EXR + JPG" has `metadata.json`, `rgb/N.jpg` and `depth/N.exr`. Poses are camera to world in
 the axes of OpenGL; the phone's first pose may be their origin: then the world is upright only if
 the phone was.
 
@@ -38,7 +38,7 @@ MAX_SIDE_PX = 1920
 RAW_BYTES_PER_BLOCK = 20_000
 """Minimum bytes that a full block of LZFSE unpacks to: 40,000 literals or 10,000 matches of 4 bytes
 in Apple's encoder, halved. The library takes no maximum, but a block unpacks to 24 MB at most, so
-that the number of blocks bounds the memory: 260 MB for 192 x 256 px."""
+that the number of blocks bounds the memory: to half a GB for 192 x 256 px."""
 
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 Pose = tuple[

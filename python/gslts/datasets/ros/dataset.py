@@ -138,6 +138,8 @@ def open_rosbag(path: Path) -> Dataset:
     if depth is not None and depth.info is not None:
         depth_camera = _camera(bag, depth)
     tree, tracks = _poses(bag)
+    if depth_camera is not None and not _same_view(rgb_camera, depth_camera):
+        _require_connected(bag, tree, rgb_camera.frame, depth_camera.frame)
     poses, why_unposed = None, ""
     try:
         poses = _PoseSource(tree, tracks, rgb_camera.frame)
@@ -187,6 +189,18 @@ def _camera(bag: Bag, topic: ImageTopic) -> RosCamera:
         return RosCamera(pinhole(intrinsics, size, np.eye(4)), lens, topic.frame)
     except ValueError as error:
         raise ValueError(f"{bag.path}: {topic.info}: {error}") from None
+
+
+def _require_connected(bag: Bag, tree: FrameTree, rgb: str, depth: str) -> None:
+    """Check that the transforms say where the depth camera is."""
+    try:
+        tree.newest_ns(rgb, depth)
+    except ValueError as error:
+        raise ValueError(
+            f"{bag.path}: the depth is not aligned to the colours, and nothing says where its camera "
+            f"is: {error}; record {TF_STATIC} too, or aligned depth (RealSense: "
+            "align_depth.enable:=true, Azure Kinect: depth_to_rgb)"
+        ) from None
 
 
 def _same_view(first: RosCamera, second: RosCamera) -> bool:

@@ -111,7 +111,10 @@ def steps_of(message: Any) -> NDArray[Any]:
 def _compressed_depth(message: Any, encoding: str) -> Floats32:
     """Decode a message of compressed_depth_image_transport: a 12-byte header and a PNG."""
     if "rvl" in message.format.lower():
-        raise ValueError(f"the format {message.format!r} is not supported")
+        raise ValueError(
+            f"the format {message.format!r} is not supported: record raw depth, or set the "
+            "parameter `format` of compressedDepth to png"
+        )
     data = bytes(message.data)
     if len(data) < _COMPRESSED_DEPTH_HEADER.size:
         raise ValueError("the compressed depth is cut off")
