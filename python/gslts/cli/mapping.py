@@ -46,7 +46,8 @@ PosesOption = Annotated[
 Dataset = Annotated[
     Path,
     typer.Argument(
-        help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
+        help="A ROS 2 bag, or a recording in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
+        "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica."
     ),
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
@@ -62,8 +63,8 @@ def make(
         list[Path],
         typer.Argument(
             metavar="DATASET...",
-            help="Folders in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or ROS 2 "
-            "bags.",
+            help="ROS 2 bags, or recordings in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
+            "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica.",
         ),
     ],
     out: Annotated[

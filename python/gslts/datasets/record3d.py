@@ -2,9 +2,9 @@
 
 A `.r3d` file is a zip archive with `metadata`, and `rgbd/N.jpg`, `rgbd/N.depth` (float32, m) and
 `rgbd/N.conf` (0 low, 1 medium, 2 high), both compressed with LZFSE; the unpacked folder will do.
-The export "EXR + JPG" has `metadata.json`, `rgb/N.jpg` and `depth/N.exr`. Poses are camera to world in
-the axes of OpenGL; the phone's first pose may be their origin: then the world is upright only if
-the phone was.
+The export "EXR + JPG" has `metadata.json`, `rgb/N.jpg` and `depth/N.exr`. Poses are camera to
+world in the axes of OpenGL; the phone's first pose may be their origin: then the world is upright
+only if the phone was.
 
 Source: its developer in https://github.com/marek-simonik/record3d, issues 27, 36, 64 and 67, and
 nerfstudio's `record3d_utils.py`.

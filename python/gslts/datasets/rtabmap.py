@@ -42,12 +42,12 @@ HOW_TO_EXPORT = "rtabmap-export --images --poses_camera DATABASE.db"
 
 
 def is_rtabmap(path: Path) -> bool:
-    """Return True if a folder has images and calibrations of an export.
+    """Return True if a folder has images and calibrations of an export, or a file is a database.
 
     Args:
         path: Any path.
     """
-    return path.is_dir() and bool(_prefixes(path))
+    return bool(_prefixes(path)) if path.is_dir() else path.suffix == ".db"
 
 
 def open_rtabmap(path: Path) -> Dataset:
@@ -60,8 +60,11 @@ def open_rtabmap(path: Path) -> Dataset:
 
     Raises:
         OSError: The poses cannot be read.
-        ValueError: There are no poses, several exports, or the poses are of another format.
+        ValueError: There are no poses, several exports, or the poses are of another format; or the
+            path is a database.
     """
+    if path.is_file():
+        raise ValueError(f"{path}: databases are not read: export it with {HOW_TO_EXPORT}")
     prefix, *others = _prefixes(path)
     if others:
         raise ValueError(f"{path}: several exports, such as {prefix}rgb and {others[0]}rgb")

@@ -186,7 +186,7 @@ def test_bags_of_drivers(tmp_path: Path, driver: object, aligned: bool) -> None:
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_depth_that_is_nowhere_needs_transforms(tmp_path: Path, driver: object) -> None:
+def test_depth_that_is_not_aligned_needs_transforms(tmp_path: Path, driver: object) -> None:
     bag = Recorder()
     driver(bag, False)
     bag.messages = [message for message in bag.messages if message[1] != "/tf_static"]
@@ -204,6 +204,15 @@ def test_a_camera_without_odometry_has_frames_without_poses(tmp_path: Path) -> N
     with pytest.raises(ValueError, match=hint):
         open_dataset(path)
     assert len(open_dataset(path, posed=False).frames) == 3
+
+
+def test_bags_of_ros_1_are_to_be_converted(tmp_path: Path) -> None:
+    path = tmp_path / "kitchen.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(
+        ValueError, match=r"a bag of ROS 1: convert it with rosbags-convert --src kitc"
+    ):
+        open_dataset(path)
 
 
 def test_depth_compressed_by_rvl_is_named(tmp_path: Path) -> None:

@@ -130,6 +130,9 @@ def test_frames_that_cannot_be_used_are_named(tmp_path: Path) -> None:
 
 
 def test_exports_that_are_incomplete(tmp_path: Path) -> None:
+    (tmp_path / "kitchen.db").write_bytes(b"SQLite format 3")
+    with pytest.raises(ValueError, match=r"databases are not read: export it with rtabmap-export"):
+        open_dataset(tmp_path / "kitchen.db")
     folder = write_rtabmap(tmp_path / "export")
     poses = folder / "home_camera_poses.txt"
     rows = poses.read_text().splitlines()

@@ -149,8 +149,9 @@ def write_replica(folder: Path) -> Path:
         rows.append(" ".join(f"{v:.18e}" for v in frame.camera.world_from_camera.ravel()))
     (folder / "traj.txt").write_text("\n".join(rows) + "\n")
     matrix = intrinsics(frame)
-    camera = {"w": 64, "h": 48, "fx": matrix[0, 0], "fy": matrix[1, 1], "scale": 6553.5}
+    camera = {"fx": matrix[0, 0], "fy": matrix[1, 1], "scale": 6553.5}
     camera |= {"cx": matrix[0, 2], "cy": matrix[1, 2]}
+    camera |= {"w": frame.camera.width, "h": frame.camera.height}
     (folder.parent / "cam_params.json").write_text(json.dumps({"camera": camera}))
     return folder
 
