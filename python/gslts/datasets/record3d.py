@@ -105,8 +105,10 @@ def open_record3d(path: Path) -> Dataset:
     if path.is_file():
         try:
             root = zipfile.Path(path)
-        except zipfile.BadZipFile as error:
-            raise ValueError(f"{path}: {error}") from None
+        except OSError:
+            raise
+        except Exception as error:  # Of several kinds.
+            raise ValueError(f"{path}: {reason_of(error)}") from None
     layout = R3D if (root / R3D.metadata).is_file() else EXR
     read_depth = _lzfse_reader() if layout is R3D else _exr_reader()
     if not (root / layout.metadata).is_file():
