@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -181,3 +182,15 @@ def test_archives_that_are_none(tmp_path: Path) -> None:
     path.write_bytes(packed)
     with pytest.raises(ValueError, match=r"frame 1: .*Bad CRC-32"):
         open_dataset(path).frames[1].read()
+
+
+def test_missing_packages_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_r3d(tmp_path / "walk")
+    monkeypatch.setitem(sys.modules, "lzfse", None)
+    with pytest.raises(ImportError, match=r"lzfse: pip install 'gslts\[record3d\]'"):
+        open_dataset(folder)
+    (folder / "metadata").rename(folder / "metadata.json")
+    (folder / "rgbd").rename(folder / "rgb")
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(ImportError, match=r"OpenEXR: pip install 'gslts\[record3d\]'"):
+        open_dataset(folder)
