@@ -11,7 +11,7 @@ import numpy as np
 
 from gslts.core.camera import Camera
 from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, read_numbers, rigid
-from gslts.datasets.files import MissingImageError, image_file
+from gslts.datasets.files import image_file
 from gslts.datasets.image_frame import ImageFrame, image_size
 from gslts.types import Floats
 
@@ -48,9 +48,7 @@ def open_scannet(path: Path) -> Dataset:
     stems = sorted((file.stem for file in (path / "pose").glob("*.txt")), key=_number)
 
     def make(stem: str) -> ImageFrame:
-        rgb = next((path / "color").glob(f"{stem}.*"), None)
-        if rgb is None:
-            raise MissingImageError(f"color/{stem}.*", "image")
+        rgb = image_file(path, f"color/{stem}.jpg")
         depth_path = image_file(path, f"depth/{stem}.png", "depth image")
         pose = rigid(read_numbers(path / "pose" / f"{stem}.txt", (4, 4)))
         return ImageFrame(

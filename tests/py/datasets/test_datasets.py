@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from recorded_frames import frames_of_robot
+from reprojection import assert_frames_agree
 
 from gslts.core.camera import Camera
 from gslts.datasets import open_dataset
@@ -42,6 +43,7 @@ def test_seven_scenes(tmp_path: Path) -> None:
         "frame-000008.color",
         "frame-000016.color",
     ]
+    assert_frames_agree([frame.read() for frame in dataset.frames])
     for frame, expected in zip(dataset.frames, frames, strict=True):
         read = frame.read()
         np.testing.assert_array_equal(read.rgb, expected.rgb)

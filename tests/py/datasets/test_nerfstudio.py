@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_frames import frames_of_robot
+from reprojection import assert_frames_agree
 
 from gslts.datasets import open_dataset
 from gslts.datasets.dataset import join_reasons
@@ -16,6 +17,7 @@ def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:
     dataset = open_dataset(recorded)
     assert dataset.name == "room"
     assert dataset.skipped == ()
+    assert_frames_agree([frame.read() for frame in dataset.frames])
     for frame, expected in zip(dataset.frames, frames_of_robot(), strict=True):
         read = frame.read()
         np.testing.assert_array_equal(read.rgb, expected.rgb)

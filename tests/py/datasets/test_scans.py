@@ -37,7 +37,7 @@ def test_scannet(tmp_path: Path) -> None:
     assert [frame.name for frame in open_dataset(folder).frames] == ["0", "5", "10"]
     (folder / "color/5.jpg").unlink()
     dataset = open_dataset(folder)
-    assert dataset.missing == ("color/5.*: there is no such image",)
+    assert dataset.missing == ("color/5.jpg: there is no such image",)
     assert dataset.skipped == ()
 
 
