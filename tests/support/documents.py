@@ -37,6 +37,7 @@ OTHER_PROGRAMS = {
 }  # fmt: skip
 """Programs whose arguments are not checked."""
 KEYWORDS = {"for", "do", "done"}
+NUMBER = r"-?\d(?:[\d.,]*\d)?"
 COMMAND = get_command(app)
 
 
@@ -65,7 +66,7 @@ def run_blocks(document: Path, folder: Path, names: dict[str, Any]) -> None:
 
 def assert_printed(expected: str, printed: str) -> None:
     """Compare what a command printed with a document: any number fits any, `...` anything."""
-    parts = re.split(r"(\.\.\.|-?\d[\d.,]*\d|\d|\s+)", expected.strip())
+    parts = re.split(rf"(\.\.\.|{NUMBER}|\s+)", expected.strip())
     pattern = "".join(_pattern(part) for part in parts)
     assert re.fullmatch(pattern, printed.strip(), re.DOTALL), f"{expected}\n--- printed:\n{printed}"
 
@@ -112,8 +113,8 @@ def _run(command: str, folder: Path) -> str:
 def _pattern(part: str) -> str:
     if part == "...":
         return ".*"
-    if part[:1].isdigit() or (part[:1] == "-" and part[1:2].isdigit()):
-        return r"-?[\d.,]*\d"
+    if re.fullmatch(NUMBER, part):
+        return NUMBER
     return r"\s+" if part.isspace() else re.escape(part)
 
 
@@ -145,7 +146,10 @@ def _check_gslts(arguments: list[str]) -> None:
         name, *arguments = arguments
         assert name in command.commands, f"gslts has no command {name}"
         command = command.commands[name]
-    command.make_context(name, arguments, resilient_parsing=resilient)
+    try:
+        command.make_context(name, list(arguments), resilient_parsing=resilient)
+    except Exception as error:  # Its type depends on the version of Typer.
+        raise AssertionError(f"gslts ... {name} {' '.join(arguments)}: {error}") from None
 
 
 def _extras() -> set[str]:

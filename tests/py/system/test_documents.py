@@ -7,7 +7,15 @@ from pathlib import Path
 
 import change_room
 import pytest
-from documents import DOCUMENTS, LANGUAGES, ROOT, assert_understood, blocks, run_blocks
+from documents import (
+    DOCUMENTS,
+    LANGUAGES,
+    ROOT,
+    assert_printed,
+    assert_understood,
+    blocks,
+    run_blocks,
+)
 
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -51,6 +59,33 @@ def test_every_block_is_of_a_kind_that_is_checked(document: Path) -> None:
                 assert_understood(line)
         elif language == "json":
             json.loads(text)
+
+
+@pytest.mark.smoke
+@pytest.mark.parametrize(
+    "line",
+    [
+        "gslts map RECORDING",
+        "gslts map RECORDING --out out/map --preset quick",
+        "cd out && gslts detct out/map LATER",
+        "gslts log out/map --nothing  # a comment",
+        "make nothing",
+        "scripts/nothing",
+        "pip install '.[nothing]'",
+        "nothing",
+    ],
+)
+def test_bad_commands_are_noticed(line: str) -> None:
+    with pytest.raises(AssertionError):
+        assert_understood(line)
+
+
+@pytest.mark.smoke
+def test_other_output_is_noticed() -> None:
+    assert_printed("wrote 7 views ...\nat (1.5, -2) m", "wrote 12 views to x\nat (-0.25, 3.0) m\n")
+    for printed in ("wrote 7 views", "wrote 7 views\nat (1.5) m", "wrote x views\nat (1.5, -2) m"):
+        with pytest.raises(AssertionError):
+            assert_printed("wrote 7 views ...\nat (1.5, -2) m", printed)
 
 
 @pytest.mark.smoke
