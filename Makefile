@@ -33,4 +33,4 @@ format:  ## Format the sources and regenerate the stubs
 	@scripts/lint --fix
 
 clean:  ## Remove what was built
-	rm -rf build dist out .venv/gslts-stamp
+	rm -rf build dist docs/api out .venv/gslts-stamp
