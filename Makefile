@@ -1,5 +1,5 @@
 # Each target sets up what it needs first; scripts/ does the work.
-.PHONY: help demo test test-all test-arm bench fuzz lint format clean
+.PHONY: help demo test test-all test-arm bench fuzz lint docs format clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
@@ -23,11 +23,14 @@ bench:  ## Build and run the benchmarks
 fuzz:  ## Feed the PLY reader malformed files for 10 minutes
 	@scripts/fuzz
 
-lint:  ## Check formatting, style, types, layers, docstrings and stubs
+lint:  ## Check formatting, style, types, layers, docstrings, stubs and documents
 	@scripts/lint
+
+docs:  ## Build the documentation site, build/site/index.html
+	@scripts/docs
 
 format:  ## Format the sources and regenerate the stubs
 	@scripts/lint --fix
 
 clean:  ## Remove what was built
-	rm -rf build dist out .venv/gslts-stamp
+	rm -rf build dist docs/api out .venv/gslts-stamp

@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "docs" / "images" / "architecture.svg"
-WIDTH, HEIGHT = 1320, 785
+WIDTH, LAYERS_TOP = 1320, 385
 BOX_WIDTH, BOX_HEIGHT = 155, 92
 CAPTION_CHARACTERS = 23
 
@@ -148,7 +148,7 @@ def main() -> None:
         f"{escape(caption('gslts/keeper'))}</text>",
         *(arrow(*each) for each in ARROWS),
         *(box(*BOXES[name], name, caption(f"gslts/{name}")) for name in BOXES),
-        *layer_rows(385),
+        *layer_rows(LAYERS_TOP),
     ]
     style = (
         "text{font-family:system-ui,sans-serif;fill:#1b2733}.title{font-size:15px;font-weight:600}"
@@ -161,10 +161,10 @@ def main() -> None:
         '<marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8" '
         'orient="auto"><path d="M0 0L8 4L0 8z" fill="#47586a"/></marker>'
     )
-    body = "\n".join(parts)
+    body, height = "\n".join(parts), LAYERS_TOP + 32 * len(layers()) + 8
     OUT.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
-        f'width="{WIDTH}" height="{HEIGHT}"><style>{style}</style><defs>{tip}</defs>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
+        f'width="{WIDTH}" height="{height}"><style>{style}</style><defs>{tip}</defs>'
         f'<rect width="100%" height="100%" fill="#fff"/>\n{body}\n</svg>\n'
     )
 

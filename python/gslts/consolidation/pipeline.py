@@ -39,7 +39,7 @@ class MapConsolidation:
 
 
 def consolidate_map(
-    path: Path,
+    path: Path | str,
     robot: Robot,
     *,
     detection: DetectionConfig | None = None,

@@ -44,8 +44,9 @@ class GaussianMap:
     """N Gaussians as arrays, all of one dtype, float32 or float64, and checked on construction.
 
     Stored values are unconstrained, as 3DGS optimises them: scale = exp(log_scale), opacity =
-    sigmoid(logit_opacity), rotation = quat / |quat|. The map holds its arrays read-only and without
-    a copy where they are C-contiguous: do not write into them elsewhere while the map is in use.
+    sigmoid(logit_opacity), `rotation = quat / |quat|`. The map holds its arrays read-only and
+    without a copy where they are C-contiguous: do not write into them elsewhere while the map is in
+    use.
 
     Args:
         means: [N,3] centres, m, relative to `origin`, world axes.

@@ -51,7 +51,7 @@ class MapExtension:
 
 
 def extend_map(
-    path: Path,
+    path: Path | str,
     dataset: Dataset,
     config: MappingConfig | None = None,
     *,
@@ -76,6 +76,7 @@ def extend_map(
         OSError: A file cannot be read or written, or another process writes the map.
         ValueError: The path is no folder of a map, or too few frames show what it knows.
     """
+    path = Path(path)
     config = MappingConfig() if config is None else config
     clock = Clock(None, {})
     with open_map(path, writable=True) as store:

@@ -48,7 +48,7 @@ LOCAL_CONFIG = {
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS, "1"),
 }
 """Settings of Dask on this machine: no pages, no profiler, and an allocator that keeps memory for
-the next array, which Dask would return to the system each time (MALLOC_TRIM_THRESHOLD_)."""
+the next array, which Dask would return to the system each time (`MALLOC_TRIM_THRESHOLD_`)."""
 CONNECT_S, CLOSE_S = 5.0, 1.0
 """Maximum time for a scheduler's answer, and for a worker of this machine to end by itself."""
 

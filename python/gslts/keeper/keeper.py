@@ -65,13 +65,14 @@ class MapKeeper:
 
     def __init__(
         self,
-        folder: Path,
+        folder: Path | str,
         config: KeeperConfig | None = None,
         *,
         should_stop: Callable[[], bool] = lambda: False,
         progress: Callable[[str], None] = lambda _: None,
         log: Callable[[str], None] = lambda _: None,
     ) -> None:
+        folder = Path(folder)
         self._folder, self._config = folder, KeeperConfig() if config is None else config
         self._should_stop, self._progress, self._log = should_stop, progress, log
         self._store = open_map(folder, writable=True)

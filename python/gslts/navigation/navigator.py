@@ -57,7 +57,7 @@ class Navigator:
     @classmethod
     def of_map(
         cls,
-        path: Path,
+        path: Path | str,
         body: RobotBody | None = None,
         categories: Sequence[str] = (),
         text_model: Path | None = None,
@@ -80,6 +80,7 @@ class Navigator:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
+        path = Path(path)
         codec, source = open_text_semantics(path, text_model, threads)
         return cls(read_map(path), codec, source, body, categories)
 

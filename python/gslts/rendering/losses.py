@@ -50,7 +50,7 @@ class DepthLoss:
     """Depth loss of one image, as `depth_loss` returns it.
 
     Attributes:
-        value: Mean |rendered - measured|, m; if relative, divided by measured.
+        value: Mean `|rendered - measured|`, m; if relative, divided by measured.
         count: Number of compared pixels.
         dL_ddepth: [H,W] gradient of value.
     """

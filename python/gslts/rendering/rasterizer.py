@@ -73,7 +73,7 @@ class Gradients:
         dL_dfeatures: [V,D].
         dL_dtwist: (6,) float64, gradient with respect to xi = (rho, phi), translation (m) before
             rotation (rad), both in the camera frame, of world_from_camera @ exp(xi) at xi = 0.
-        abs_dL_dmeans2d: [V,2] sum of |dL/dmean2d| over the pixels at which the Gaussian was
+        abs_dL_dmeans2d: [V,2] sum of `|dL/dmean2d|` over the pixels at which the Gaussian was
             blended, per px (AbsGS, Ye et al. 2024). This and the following on request only.
         max_weights: [V] maximum blend weight w.
         pixel_counts: [V] uint32, number of pixels at which the Gaussian was blended.

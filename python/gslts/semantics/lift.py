@@ -1,8 +1,8 @@
 """Semantic features of Gaussians in closed form, by back-projection with the blending weights.
 
-The feature of a Gaussian minimizes sum_p w_p |f - S_p|^2 over the pixels p of all views, where w_p
-is its blending weight at p and S_p the feature of the pixel: f = sum_p w_p S_p / sum_p w_p, the
-transpose of rendering. GS-LTS reaches about the same features by gradient descent (`refine`).
+The feature of a Gaussian minimizes `sum_p w_p |f - S_p|^2` over the pixels p of all views, where
+w_p is its blending weight at p and S_p the feature of the pixel: `f = sum_p w_p S_p / sum_p w_p`,
+the transpose of rendering. GS-LTS reaches about the same features by gradient descent (`refine`).
 
 Class distributions of a detector are means over views instead, because its errors are errors of
 whole views: a view counts w / (w + 1) for a Gaussian with the sum of weights w in it, and each

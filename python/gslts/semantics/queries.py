@@ -121,7 +121,7 @@ class SemanticQueries:
 
     @classmethod
     def of_map(
-        cls, path: Path, text_model: Path | None = None, threads: int = 0
+        cls, path: Path | str, text_model: Path | None = None, threads: int = 0
     ) -> SemanticQueries:
         """Read a map folder for queries.
 
@@ -138,6 +138,7 @@ class SemanticQueries:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
+        path = Path(path)
         codec, source = open_text_semantics(path, text_model, threads)
         return cls(read_map(path), codec, source)
 

@@ -74,7 +74,7 @@ def write_map_folder(
         raise
 
 
-def read_map(path: Path) -> GaussianMap:
+def read_map(path: Path | str) -> GaussianMap:
     """Read a map.
 
     Args:
@@ -88,14 +88,14 @@ def read_map(path: Path) -> GaussianMap:
         OSError: A file cannot be read.
         ValueError: The path is no map, or there is no such version.
     """
-    folder, number = split_version(path)
+    folder, number = split_version(Path(path))
     if not folder.is_dir():
         return read_ply(path)
     with open_map(folder) as store:
         return store.read(number)
 
 
-def open_map(path: Path, *, writable: bool = False) -> MapStore:
+def open_map(path: Path | str, *, writable: bool = False) -> MapStore:
     """Open the versions of a map.
 
     Args:
@@ -109,6 +109,7 @@ def open_map(path: Path, *, writable: bool = False) -> MapStore:
         OSError: The folder cannot be read, or another process writes it.
         ValueError: The path is no folder of a map.
     """
+    path = Path(path)
     require_map_folder(path)
     return MapStore(path, writable=writable)
 

@@ -47,7 +47,7 @@ class MapUpdate:
 
 
 def update_map(
-    path: Path,
+    path: Path | str,
     robot: Robot,
     config: UpdateConfig | None = None,
     *,
@@ -77,6 +77,7 @@ def update_map(
         OSError: A file cannot be read or written, or another process writes the map.
         ValueError: The path is no folder of a map, or a file is damaged.
     """
+    path = Path(path)
     config = UpdateConfig() if config is None else config
     with open_map(path, writable=True) as store:
         newest, gaussian_map = store.version(), store.read()
