@@ -32,7 +32,8 @@ def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
         # Harmonics of one degree are orthogonal and of one norm.
         turn = product(after[:, own].T * weights, before[:, own])
         turn /= (weights * before[:, own.start] ** 2).sum()
-        result[:, own] = (turn[None, :, :, None] * sh[:, None, own]).sum(axis=2)
+        for row, weights_of_row in enumerate(turn, start=own.start):  # Few at once in memory.
+            result[:, row] = (weights_of_row[None, :, None] * sh[:, own]).sum(axis=1)
     return result
 
 
