@@ -42,7 +42,9 @@ POINTS = 0
 MAX_GLB_BYTES = (1 << 32) - 1
 """Maximum size of a file, bytes: its header holds the size in 32 bits."""
 COMPONENT_OF = {np.dtype(name): number for number, name in COMPONENTS.items()}
+"""Component type by dtype."""
 KIND_OF = {width: kind for kind, width in WIDTHS.items()}
+"""Accessor type by its number of components."""
 
 
 def write_glb(
