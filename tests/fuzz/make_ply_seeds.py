@@ -78,7 +78,7 @@ seeds = {
     + struct.pack(">" + "dbBhHiI" * 2, *range(14))
     + struct.pack(">Hdd", 2, 0.5, 0.25),
     "infinite_opacity": header("ascii", *vertex)
-    + ascii_rows(row[:6] + [math.inf, -math.inf] + row[8:], row[:6] + [-math.inf] + row[7:]),
+    + ascii_rows([*row[:6], math.inf, -math.inf, *row[8:]], [*row[:6], -math.inf, *row[7:]]),
     "colors": header(
         "binary_little_endian",
         "element vertex 1",

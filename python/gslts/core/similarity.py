@@ -28,8 +28,9 @@ def split_similarity(linear: Floats) -> tuple[float, Floats]:
     Raises:
         ValueError: It mirrors, shears or scales unevenly, or a number is not finite.
     """
-    determinant = float(np.linalg.det(linear))
-    if not np.isfinite(linear).all() or not determinant > 0:
+    with np.errstate(all="ignore"):
+        determinant = float(np.linalg.det(linear))
+    if not 0 < determinant < np.inf:
         raise ValueError(f"expected a rotation with a positive scale, got {linear.tolist()}")
     scale = float(np.cbrt(determinant))
     rotation: Floats = linear / scale
@@ -49,17 +50,18 @@ def transform_map(gaussian_map: GaussianMap, b_from_a: Floats) -> GaussianMap:
         The map in frame b, of the same dtype.
 
     Raises:
-        ValueError: The transform mirrors, shears or scales unevenly.
+        ValueError: The transform mirrors, shears or scales unevenly, or a centre exceeds the dtype.
     """
     linear = b_from_a[:3, :3]
     origin = product(linear, gaussian_map.origin[:, None])[:, 0] + b_from_a[:3, 3]
     if np.array_equal(linear, np.eye(3)):
         return replace(gaussian_map, origin=origin)
     scale, rotation = split_similarity(linear)
-    means = (gaussian_map.means[:, None] * linear).sum(axis=2)
+    with np.errstate(over="ignore"):  # The map rejects numbers that are not finite.
+        means = (gaussian_map.means[:, None] * linear).sum(axis=2).astype(gaussian_map.dtype)
     return replace(
         gaussian_map,
-        means=means.astype(gaussian_map.dtype),
+        means=means,
         quats=rotate_quats(gaussian_map.quats, rotation).astype(gaussian_map.dtype),
         log_scales=(gaussian_map.log_scales + np.log(scale)).astype(gaussian_map.dtype),
         sh=rotate_harmonics(gaussian_map.sh, rotation),

@@ -98,7 +98,10 @@ def read_spz(path: Path) -> GaussianMap:
         _logger.warning("%s: trained with antialiasing; rendered without, edges look thicker", path)
     if header.degree > MAX_DEGREE:
         _logger.warning("%s: harmonics of degree %d are left out", path, header.degree)
-    data = {name: _rows(stream, header.size) for name, stream in streams.items()}
+    data = {
+        name: np.frombuffer(streams[name], np.uint8).reshape(header.size, width)
+        for name, width in header.widths().items()
+    }
     arrays: dict[str, Any] = {
         "means": _unpack_positions(data["positions"], header),
         "quats": _unpack_quats(data["rotations"], header.version),
@@ -125,10 +128,6 @@ def rounding_m(gaussian_map: GaussianMap) -> float:
     """
     positions = gaussian_map.means + gaussian_map.origin
     return float(0.5 ** (1 + _fractional_bits(positions, Path("map"))))
-
-
-def _rows(stream: bytes, size: int) -> Bytes:
-    return np.frombuffer(stream, np.uint8).reshape(size, len(stream) // max(1, size))
 
 
 def _fractional_bits(positions: Floats, path: Path) -> int:
@@ -196,6 +195,6 @@ def _unpack_harmonics(colors: Bytes, harmonics: Bytes, degree: int) -> FloatArra
     bases = (min(degree, MAX_DEGREE) + 1) ** 2
     sh = np.empty((len(colors), bases, 3), np.float32)
     sh[:, 0] = (colors / 255 - 0.5) / COLOR_RANGE
-    stored = harmonics[:, : 3 * (bases - 1)].reshape(-1, bases - 1, 3)
+    stored = harmonics[:, : 3 * (bases - 1)].reshape(len(colors), bases - 1, 3)
     sh[:, 1:] = (stored.astype(np.float32) - 128) / 128
     return sh

@@ -58,9 +58,9 @@ class SpzHeader:
     fractional_bits: int
     flags: int = 0
 
-    def stream_sizes(self) -> dict[str, int]:
-        """Return the number of bytes of each attribute, in the order of the file."""
-        widths = {
+    def widths(self) -> dict[str, int]:
+        """Return the bytes of a Gaussian of each attribute, in the order of the file."""
+        return {
             "positions": 6 if self.version == 1 else 9,
             "alphas": 1,
             "colors": 3,
@@ -68,7 +68,6 @@ class SpzHeader:
             "rotations": 4 if self.version >= 3 else 3,
             "harmonics": 3 * ((self.degree + 1) ** 2 - 1),
         }
-        return {name: self.size * width for name, width in widths.items()}
 
 
 def pack_streams(header: SpzHeader, streams: dict[str, bytes]) -> bytes:
@@ -142,7 +141,7 @@ class _Unpacker:
         if degree > 4 or bits > 24:
             self.reject(f"damaged header: degree {degree}, {bits} fractional bits")
         header = SpzHeader(version, size, degree, bits, flags)
-        unpacked = sum(header.stream_sizes().values())
+        unpacked = size * sum(header.widths().values())
         if unpacked > SMALL_BYTES + MAX_RATIO * len(self.data):
             self.reject(
                 f"{size} Gaussians take {unpacked} bytes, more than {MAX_RATIO} times the file; "
@@ -157,8 +156,7 @@ class _Unpacker:
             if len(head) < struct.calcsize(HEADER):
                 self.reject("the file ends in its header")
             header = self._header(head, (1, 2, 3))
-            sizes = header.stream_sizes()
-            wanted = sum(sizes.values())
+            wanted = header.size * sum(header.widths().values())
             body = unpacker.decompress(unpacker.unconsumed_tail, wanted + 1)
         except zlib.error as error:
             self.reject(f"damaged gzip stream: {error}")
@@ -168,9 +166,9 @@ class _Unpacker:
             self.reject(f"the gzip stream does not end after {header.size} Gaussians")
         streams: dict[str, bytes] = {}
         begin = 0
-        for name, size in sizes.items():
-            streams[name] = body[begin : begin + size]
-            begin += size
+        for name, width in header.widths().items():
+            streams[name] = body[begin : begin + header.size * width]
+            begin += header.size * width
         return header, streams
 
     def _unpack_zstd(self) -> tuple[SpzHeader, dict[str, bytes]]:
@@ -178,14 +176,15 @@ class _Unpacker:
             self.reject("the file ends in its header")
         header = self._header(self.data[: struct.calcsize(HEADER)], (4,))
         count, offset = struct.unpack(HEADER_4, self.data[: struct.calcsize(HEADER_4)])[-2:]
-        sizes = {name: size for name, size in header.stream_sizes().items() if size > 0}
+        sizes = {name: header.size * width for name, width in header.widths().items()}
+        sizes = {name: size for name, size in sizes.items() if size > 0}
         begin = offset + count * struct.calcsize(TABLE_ENTRY)
         if count != len(sizes) or offset < struct.calcsize(HEADER_4) or begin > len(self.data):
             self.reject(
                 f"damaged header: {count} streams, expected {len(sizes)}; table at {offset}"
             )
         table = list(struct.iter_unpack(TABLE_ENTRY, self.data[offset:begin]))
-        streams = dict.fromkeys(header.stream_sizes(), b"")
+        streams = dict.fromkeys(header.widths(), b"")
         for (name, size), (packed_size, full_size) in zip(sizes.items(), table, strict=True):
             if full_size != size:
                 self.reject(f"{name}: {full_size} bytes for {header.size} Gaussians, not {size}")
