@@ -39,7 +39,7 @@ SCALE_STEPS, MIN_LOG_SCALE = 16, -10.0
 COLOR_RANGE = 0.15
 """A byte of colour is 255 times this coefficient of degree 0, plus 127.5."""
 HARMONIC_STEPS = (8, 16)
-"""Steps to which bytes of harmonics are rounded: of degree 1, and of others."""
+"""Steps to which bytes of harmonics are rounded, powers of 2: of degree 1, and of others."""
 ANTIALIASED = 1
 """Flag of Gaussians that were trained with a filter for antialiasing."""
 MAGNITUDE = 511
@@ -186,9 +186,9 @@ def _unpack_quats(data: Bytes, version: int) -> Floats:
 
 def _pack_harmonics(sh: FloatArray) -> Bytes:
     """Pack harmonics [N,K-1,3] of degree 1 and more."""
-    steps = np.where(np.arange(sh.shape[1]) < 3, *HARMONIC_STEPS)[None, :, None]
-    numbers = np.rint(128 * sh.clip(-1, 1)) + 128
-    return to_bytes((numbers + steps // 2) // steps * steps)
+    steps = np.where(np.arange(sh.shape[1]) < 3, *HARMONIC_STEPS).astype(np.int16)[None, :, None]
+    numbers = np.rint(128 * sh.clip(-1, 1)).astype(np.int16) + 128
+    return ((numbers + steps // 2) & -steps).clip(0, 255).astype(np.uint8)
 
 
 def _unpack_harmonics(colors: Bytes, harmonics: Bytes, degree: int) -> FloatArray:

@@ -106,9 +106,7 @@ def test_infinite_opacities_and_flat_gaussians(tmp_path: Path) -> None:
         ("x", np.inf, "vertex 1: x: expected a finite float, got inf"),
     ],
 )
-def test_numbers_without_a_meaning(
-    tmp_path: Path, column: str, value: float, message: str
-) -> None:
+def test_numbers_without_a_meaning(tmp_path: Path, column: str, value: float, message: str) -> None:
     columns = {name: array.copy() for name, array in columns_of(float_map(3)).items()}
     columns[column][1] = value
     write(tmp_path / "a.ply", columns, LAYOUTS["supersplat"][1])
