@@ -23,8 +23,10 @@ pytestmark = needs_judges
 # splat-transform takes a PLY file as x right, y down, z forward.
 SPZ_FROM_PLY = np.diag([1.0, -1, -1, 1])
 GLB_FROM_PLY = np.diag([-1.0, -1, 1, 1])
-SPZ = {"mean_m": 1.3e-4, "covariance": 0.07, "sh": 0.07, "color": 0.015, "opacity": 0.002}
+SPZ = {"mean_m": 1.3e-4, "covariance": 0.07, "color": 0.015, "opacity": 0.002}
 """Errors of SPZ: half a step of each number. A step of a scale is 1/16, of its square 2/16."""
+THEIR_SH, OUR_SH = 8.5 / 128, 2.5 / 128
+"""Errors of harmonics beyond degree 0: splat-transform keeps 4 bits of them, gslts 6."""
 
 
 def in_range(size: int, sh_degree: int) -> gslts.GaussianMap:
@@ -62,7 +64,7 @@ def test_their_spz_is_read(
     splat_transform(path, tmp_path / "a.spz", "--spz-version", str(version))
     expected = transform_map(gaussian_map, SPZ_FROM_PLY)
     in_file_axes = transform_map(read_map_file(tmp_path / "a.spz"), Z_UP.T)
-    assert_same_gaussians(in_file_axes, expected, **SPZ)
+    assert_same_gaussians(in_file_axes, expected, sh=THEIR_SH, **SPZ)
 
 
 @pytest.mark.parametrize("version", [3, 4])
@@ -72,7 +74,7 @@ def test_our_spz_is_read(tmp_path: Path, version: int, sh_degree: int) -> None:
     write_map_file(gaussian_map, tmp_path / "a.spz", spz_version=version)
     splat_transform(tmp_path / "a.spz", tmp_path / "back.ply")
     in_file_axes = transform_map(gslts.read_ply(tmp_path / "back.ply"), SPZ_FROM_PLY)
-    assert_same_gaussians(in_file_axes, transform_map(gaussian_map, Z_UP.T), **SPZ)
+    assert_same_gaussians(in_file_axes, transform_map(gaussian_map, Z_UP.T), sh=OUR_SH, **SPZ)
     own = read_map_file(tmp_path / "a.spz")
     assert_same_gaussians(transform_map(own, Z_UP.T), in_file_axes, 1e-6, 1e-5, 1e-5, 1e-5, 1e-5)
 
