@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import FloatArray
 from gslts.types import Bytes, Floats
@@ -75,10 +78,10 @@ def unit_quats(quats: FloatArray) -> FloatArray:
     return np.where(rotated, quats / np.where(rotated, lengths, 1), identity)
 
 
-def to_bytes(values: FloatArray) -> Bytes:
+def to_bytes(values: NDArray[Any]) -> Bytes:
     """Round to 8-bit values; what lies beyond 0 to 255 becomes 0 or 255.
 
     Args:
         values: Any shape.
     """
-    return np.rint(values).clip(0, 255).astype(np.uint8)
+    return np.asarray(np.rint(values).clip(0, 255), np.uint8)

@@ -190,7 +190,7 @@ def _unpack_quats(data: Bytes, version: int) -> Floats:
 def _pack_harmonics(sh: FloatArray) -> Bytes:
     """Pack harmonics [N,K-1,3] of degree 1 and more."""
     numbers = np.rint(128 * sh.clip(-1, 1)).astype(np.int16) + 128
-    return ((numbers + HARMONIC_STEP // 2) & -HARMONIC_STEP).clip(0, 255).astype(np.uint8)
+    return to_bytes((numbers + HARMONIC_STEP // 2) & -HARMONIC_STEP)
 
 
 def _unpack_harmonics(colors: Bytes, harmonics: Bytes, degree: int) -> FloatArray:
