@@ -39,6 +39,8 @@ KERNEL, COLOR_SPACE, PROJECTION = "ellipse", "srgb_rec709_display", "perspective
 """Those of 3DGS."""
 POINTS = 0
 """Mode of glTF's primitives."""
+ARRAY_BUFFER = 34962
+"""Target of buffer views of attributes."""
 MAX_GLB_BYTES = (1 << 32) - 1
 """Maximum size of a file, bytes: its header holds the size in 32 bits."""
 COMPONENT_OF = {np.dtype(name): number for number, name in COMPONENTS.items()}
@@ -190,7 +192,8 @@ def _container(tree: Tree, arrays: Mapping[str, NDArray[Any]]) -> bytes:
         if name == "POSITION":
             accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
         accessors.append(accessor)
-        views.append({"buffer": 0, "byteOffset": end, "byteLength": array.nbytes})
+        view = {"buffer": 0, "byteOffset": end, "byteLength": array.nbytes}
+        views.append({**view, "target": ARRAY_BUFFER})
         parts.append(array.tobytes())  # A multiple of 4 bytes, as glTF asks for.
         end += array.nbytes
     tree["meshes"][0]["primitives"][0]["attributes"] = {name: k for k, name in enumerate(arrays)}
