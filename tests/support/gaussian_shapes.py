@@ -1,4 +1,4 @@
-"""Comparison of Gaussians by what they look like: quaternions of one shape may differ."""
+"""Comparison of Gaussians by their covariances: quaternions of one shape may differ."""
 
 import numpy as np
 from numpy.typing import NDArray

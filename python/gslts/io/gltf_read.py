@@ -30,6 +30,8 @@ from gslts.types import Bools, Floats, Floats32
 STORED_TOLERANCE = 1e-6
 """Maximum relative difference between an attribute and the one computed from what the map stored;
 beyond it, another program changed the attribute. It is some roundings of float32."""
+MAX_UNIT_ERROR = 1e-2
+"""Maximum deviation of the squared length of the quaternion of a node from 1: roundings are less."""
 
 
 def read_glb(path: Path) -> GaussianMap:
@@ -60,7 +62,8 @@ def read_glb(path: Path) -> GaussianMap:
         "features": reader.features(path.stat().st_size),
         "ids": reader.ids(),
     }
-    world_from_node = product(Z_UP, _root_from_node(file, node))
+    with np.errstate(all="ignore"):  # What is not finite is rejected below.
+        world_from_node = product(Z_UP, _root_from_node(file, node))
     try:
         return transform_map(GaussianMap(**arrays), world_from_node)
     except ValueError as error:
@@ -144,8 +147,8 @@ def _own_transform(file: GltfFile, node: int) -> Floats:
             file.reject(f"{file.label(node)}: its matrix is not affine")
         return matrix
     x, y, z, w = numbers("rotation", np.array([0.0, 0, 0, 1]))
-    if x == y == z == w == 0:
-        file.reject(f"{file.label(node)}: its rotation is 0")
+    if not abs(x * x + y * y + z * z + w * w - 1) < MAX_UNIT_ERROR:
+        file.reject(f"{file.label(node)}: its rotation is no unit quaternion")
     matrix[:3, :3] = rotation_of_quat(np.array([w, x, y, z])) * numbers("scale", np.ones(3))
     matrix[:3, 3] = numbers("translation", np.zeros(3))
     return matrix

@@ -98,7 +98,9 @@ def read_spz(path: Path) -> GaussianMap:
     """
     header, streams = unpack_streams(path)
     if header.flags & ANTIALIASED:
-        _logger.warning("%s: trained with antialiasing; rendered without, edges look thicker", path)
+        _logger.warning(
+            "%s: trained with antialiasing; without it, edges are rendered thicker", path
+        )
     if header.degree > MAX_DEGREE:
         _logger.warning("%s: harmonics of degree %d are left out", path, header.degree)
     data = {

@@ -130,7 +130,7 @@ def test_a_point_cloud(tmp_path: Path) -> None:
 
 
 def test_properties_and_elements_of_other_methods(tmp_path: Path, caplog: Any) -> None:
-    """Such as the filter of Mip-Splatting, and the cameras of SuperSplat and Apple's SHARP."""
+    """Such as the filter of Mip-Splatting, and cameras."""
     gaussian_map = float_map(5)
     columns: dict[str, Any] = {**columns_of(gaussian_map), "filter_3D": np.zeros(5, np.float32)}
     extrinsic = np.zeros(16, [("extrinsic", "f4")])

@@ -1,4 +1,4 @@
-"""Files of Gaussians, written by gslts and read by other programs, and the other way round.
+"""Files of Gaussians that gslts writes and other programs read, and those that they write.
 
 The judges are splat-transform, whose SPZ code is the original one of Niantic, and three.js.
 """
