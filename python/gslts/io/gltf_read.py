@@ -31,7 +31,7 @@ STORED_TOLERANCE = 1e-6
 """Maximum relative difference between an attribute and the one computed from what the map stored;
 beyond it, another program changed the attribute. It is some roundings of float32."""
 MAX_UNIT_ERROR = 1e-2
-"""Maximum deviation of the squared length of the quaternion of a node from 1: roundings are less."""
+"""Maximum deviation of the squared length of a quaternion of a node from 1: roundings are less."""
 
 
 def read_glb(path: Path) -> GaussianMap:
