@@ -49,7 +49,9 @@ def test_view_serves_until_it_is_interrupted(folder: Path) -> None:
         (("map", "--port", "taken"), "in use; give another --port"),
     ],
 )
-def test_what_cannot_be_viewer_beside(folder: Path, arguments: tuple[str, ...], message: str) -> None:
+def test_what_cannot_be_viewer_beside(
+    folder: Path, arguments: tuple[str, ...], message: str
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         done = run("view", *(port if a == "taken" else a for a in arguments), cwd=folder)
