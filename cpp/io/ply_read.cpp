@@ -8,10 +8,12 @@
 #include <vector>
 
 #include "gslts/io/ply.hpp"
+#include "ply_compressed.hpp"
 #include "ply_header.hpp"
 #include "ply_input.hpp"
 #include "ply_layout.hpp"
 #include "ply_rows.hpp"
+#include "ply_values.hpp"
 
 namespace gslts::io {
 namespace {
@@ -57,7 +59,8 @@ class MapBuilder {
   int count_numbered(const std::string& prefix) const;
   int sh_bases() const;
   Source take(const std::string& name);
-  [[noreturn]] void fail_not_finite(const PackedRows& rows) const;
+  void take_colors();
+  void resolve_not_finite(const PackedRows& rows);
 
   const Input& input_;
   const Element& vertex_;
@@ -68,7 +71,8 @@ class MapBuilder {
   std::vector<Source> id_sources_;        // None, or of the low and the high half.
   GaussianMap map_;
   std::vector<Column<float>> columns_;
-  std::size_t rows_ = 0;  // Added so far.
+  bool has_colors_ = false;  // Instead of coefficients of degree 0.
+  std::size_t rows_ = 0;     // Added so far.
 };
 
 MapBuilder::MapBuilder(const Element& vertex, const Header& header, const Input& input)
@@ -84,6 +88,7 @@ MapBuilder::MapBuilder(const Element& vertex, const Header& header, const Input&
   const int bases = sh_bases(), feature_dims = count_numbered("feature_");
   // Only a file that has all properties justifies the memory of all arrays.
   GaussianMap empty = make_gaussian_map<float>(0, bases, feature_dims);
+  take_colors();
   for (const auto& column : columns_of<float>(empty)) sources_.push_back(take(column.property));
   if (unused_.count("id_low") + unused_.count("id_high") > 0) {
     id_sources_ = {take("id_low"), take("id_high")};
@@ -130,7 +135,9 @@ int MapBuilder::sh_bases() const {
 Source MapBuilder::take(const std::string& name) {
   const auto found = unused_.find(name);
   if (found == unused_.end()) {
-    input_.fail_at_line(vertex_.line, "element 'vertex' lacks property " + quoted(name));
+    const bool surfel = name == "scale_2" && unused_.count("rot_0") > 0;
+    input_.fail_at_line(vertex_.line, "element 'vertex' lacks property " + quoted(name) +
+                                          (surfel ? ": 2D Gaussians; only 3D ones are read" : ""));
   }
   const Source source = found->second;
   if (source.property->length_type) {
@@ -138,6 +145,18 @@ Source MapBuilder::take(const std::string& name) {
   }
   unused_.erase(found);
   return source;
+}
+
+/// Takes colours of 8 bits for the coefficients of degree 0, as Nerfstudio writes them on request.
+void MapBuilder::take_colors() {
+  const auto red = unused_.find("red");
+  has_colors_ = unused_.count("f_dc_0") + unused_.count("f_rest_0") == 0 && red != unused_.end() &&
+                red->second.property->type == Scalar::kUint8;
+  if (!has_colors_) return;
+  int i = 0;
+  for (const char* name : {"red", "green", "blue"}) {
+    unused_["f_dc_" + std::to_string(i++)] = take(name);
+  }
 }
 
 void MapBuilder::add(const PackedRows& rows) {
@@ -150,7 +169,13 @@ void MapBuilder::add(const PackedRows& rows) {
                                     column.first + rows_ * column.stride, column.stride);
     });
   }
-  if (!finite) fail_not_finite(rows);
+  if (!finite) resolve_not_finite(rows);
+  if (has_colors_) {
+    for (std::size_t i = 0; i < 3 * rows.count; ++i) {
+      float& value = map_.sh[3 * rows_ + i];
+      value = static_cast<float>(sh_of_color(value / 255.0));
+    }
+  }
   if (!id_sources_.empty()) {
     for (std::size_t i = 0; i < rows.count; ++i) {
       const auto half = [&](const Source& source) {
@@ -162,16 +187,26 @@ void MapBuilder::add(const PackedRows& rows) {
   rows_ += rows.count;
 }
 
-/// Names the first number among new rows that float does not hold.
-void MapBuilder::fail_not_finite(const PackedRows& rows) const {
-  for (std::size_t i = 0;; ++i) {
-    for (const auto& [property, offset] : sources_) {
-      const double value = with_zero_of(property->type, [&, from = rows.first + offset](auto zero) {
-        return static_cast<double>(load<decltype(zero)>(from + i * row_bytes_, big_endian_));
-      });
-      if (std::isfinite(static_cast<float>(value))) continue;
-      input_.fail("vertex " + std::to_string(rows_ + i) + ": " + property->name +
-                  ": expected a finite float, got " + text_of(value));
+/// Infinity has a meaning in opacities and scales: programs compute the logit of 1 and the
+/// logarithm of 0. The first other number among new rows that float does not hold is an error.
+void MapBuilder::resolve_not_finite(const PackedRows& rows) {
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    for (std::size_t j = 0; j < columns_.size(); ++j) {
+      const auto& [property, offset] = sources_[j];
+      float& stored = columns_[j].first[(rows_ + i) * columns_[j].stride];
+      if (std::isfinite(stored)) continue;
+      if (property->name == "opacity" && !std::isnan(stored)) {
+        stored = stored > 0 ? kOpaqueLogit : -kOpaqueLogit;
+      } else if (property->name.rfind("scale_", 0) == 0 && stored < 0) {
+        stored = kFlatLogScale;
+      } else {
+        const double value =
+            with_zero_of(property->type, [&, from = rows.first + offset](auto zero) {
+              return static_cast<double>(load<decltype(zero)>(from + i * row_bytes_, big_endian_));
+            });
+        input_.fail("vertex " + std::to_string(rows_ + i) + ": " + property->name +
+                    ": expected a finite float, got " + text_of(value));
+      }
     }
   }
 }
@@ -192,6 +227,7 @@ PlyContents read(Input& input) {
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const Element& element) { return element.name == "vertex"; });
   if (vertex == header.elements.end()) input.fail("the header has no element 'vertex'");
+  if (is_compressed(*vertex)) return read_compressed(header, *vertex, input);
   MapBuilder builder(*vertex, header, input);
   RowReader reader(input, header.format);
   for (const Element& element : header.elements) {

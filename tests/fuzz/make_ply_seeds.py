@@ -4,6 +4,7 @@ The other files are from fuzzing. They are few, and together with these they rea
 the fuzzer has found.
 """
 
+import math
 import struct
 from pathlib import Path
 
@@ -30,6 +31,22 @@ vertex = ["element vertex 2", *floats(NAMES)]
 degree_1 = NAMES + [f"f_rest_{i}" for i in range(9)]
 face = ["element face 2", "property list uchar int vertex_indices", "property uchar red"]
 binary_faces = struct.pack("<BiiiB", 3, 0, 1, 1, 255) + struct.pack("<BB", 0, 7)
+bounds = [
+    f"{limit}_{kind}{axis}"
+    for kind, axes in [("", "xyz"), ("scale_", "xyz"), ("", "rgb")]
+    for limit in ["min", "max"]
+    for axis in axes
+]
+packed = [f"packed_{name}" for name in ["position", "rotation", "scale", "color"]]
+compressed = [
+    "element chunk 1",
+    *floats(bounds),
+    "element vertex 2",
+    *(f"property uint {name}" for name in packed),
+]
+compressed_rows = struct.pack("<18f", *range(18)) + struct.pack(
+    "<8I", 0, 0x40000000, 0x80402010, 0xFF804020, 2**32 - 1, 0x80100401, 0, 0
+)
 seeds = {
     "ascii": header("ascii", *vertex) + ascii_rows(row, row),
     "ascii_crlf": (header("ascii", *vertex) + ascii_rows(row, row)).replace(b"\n", b"\r\n"),
@@ -60,6 +77,24 @@ seeds = {
     )
     + struct.pack(">" + "dbBhHiI" * 2, *range(14))
     + struct.pack(">Hdd", 2, 0.5, 0.25),
+    "infinite_opacity": header("ascii", *vertex)
+    + ascii_rows([*row[:6], math.inf, -math.inf, *row[8:]], [*row[:6], -math.inf, *row[7:]]),
+    "colors": header(
+        "binary_little_endian",
+        "element vertex 1",
+        *floats([name for name in NAMES if not name.startswith("f_dc")]),
+        *(f"property uchar {name}" for name in ["red", "green", "blue"]),
+    )
+    + struct.pack("<11f3B", *range(11), 0, 128, 255),
+    "compressed": header("binary_little_endian", *compressed) + compressed_rows,
+    "compressed_sh": header(
+        "binary_little_endian",
+        *compressed,
+        "element sh 2",
+        *(f"property uchar f_rest_{i}" for i in range(9)),
+    )
+    + compressed_rows
+    + bytes([*range(0, 256, 30), *range(255, 0, -30)]),
     # The message quoted the line with its tab.
     "unprintable_with_tab": b"ply\nformat ascii 1.0\nelement vertex\t\x80 1\n",
     "gslts": header(

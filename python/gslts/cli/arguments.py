@@ -65,7 +65,7 @@ Map = Annotated[
         metavar="MAP",
         parser=str,
         callback=_read_map,
-        help="Folder or URL of a map, or a .ply file of 3DGS.",
+        help="Folder or URL of a map, or a .ply, .glb or .spz file of 3DGS.",
     ),
 ]
 WritableMap = Annotated[

@@ -177,20 +177,21 @@ def gc(
     typer.echo(f"{freed} bytes freed")
 
 
-def import_ply(
-    ply: Annotated[Path, typer.Argument(metavar="PLY", help="3DGS file of any program.")],
+def import_map(
+    file: Annotated[Path, typer.Argument(help="A .ply, .glb or .spz file of any 3DGS program.")],
     out: Annotated[Path, typer.Option(help="New folder of the map.")],
 ) -> None:
-    """Make a map with versions from a PLY file of 3DGS.
+    """Make a map with versions from a file of Gaussians.
 
     Example: gslts import point_cloud.ply --out out/map
     """
-    from gslts.io.ply import read_ply
+    from gslts.io.map_files import read_map_file
     from gslts.store.causes import ImportCause
     from gslts.store.map_folder import write_map_folder
 
-    gaussian_map = read_ply(ply)
-    write_map_folder(out, gaussian_map, {"dataset": ply.name}, {}, cause=ImportCause(file=ply.name))
+    gaussian_map = read_map_file(file)
+    cause = ImportCause(file=file.name)
+    write_map_folder(out, gaussian_map, {"dataset": file.name}, {}, cause=cause)
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -33,8 +33,6 @@ DEFAULT_SIZE, DEFAULT_FOV_DEG = (640, 480), 70.0
 """Image size, px, and horizontal field of view of views without intrinsics: those of a Kinect."""
 COARSE, SAMPLES = 4, 8
 """The colour range of depth comes from this many views, with sides divided by `COARSE`."""
-MAX_ROUNDING_M = 1e-3
-"""Rounding of centres above which `gslts export` prints a note: that of a millimetre."""
 
 
 def render(
@@ -98,47 +96,54 @@ def render(
 
 def export(
     map_path: Map,
-    out: Annotated[Path, typer.Argument(help="New file that ends in .ply, .splat or .html.")],
+    out: Annotated[
+        Path, typer.Argument(help="New file that ends in .ply, .glb, .spz, .splat or .html.")
+    ],
     versions: Annotated[
         int, typer.Option(min=1, help="Maximum number of versions on a page, the newest ones.")
     ] = 50,
+    spz_version: Annotated[
+        int, typer.Option(min=3, max=4, help="Version of a .spz file; older programs read 3.")
+    ] = 4,
 ) -> None:
-    """Write a map as a PLY file of 3DGS, a .splat file for viewers on the web, or a web page.
+    """Write a map as a file for other programs, or as a web page.
 
-    The page is one file with the map, its versions and what changed, and opens without a network.
+    A .ply file of 3DGS and a .glb file (glTF, KHR_gaussian_splatting) hold every bit of the map;
+    .spz (Niantic) is about a tenth of their size, and .splat is for viewers on the web. A page is
+    one file with the map, its versions and what changed, and opens without a network.
 
-    Example: gslts export out/map out/map.html
+    Example: gslts export out/map out/map.glb
     """
-    from gslts.io.ply import write_ply
-    from gslts.io.splat import rounding_m, write_splat
+    from gslts.io.map_files import WRITTEN_SUFFIXES, losses_of, write_map_file
     from gslts.store.map_folder import read_map
 
     kind = out.suffix.lower()
-    if kind not in (".ply", ".splat", ".html"):
-        raise ValueError(f"{out}: must end in .ply, .splat or .html")
+    if kind not in (*WRITTEN_SUFFIXES, ".html"):
+        raise ValueError(f"{out}: must end in {', '.join(WRITTEN_SUFFIXES)} or .html")
     if out.exists():
         raise FileExistsError(f"{out} is there already")
     if kind == ".html":
         _export_page(map_path, out, versions)
         return
     gaussian_map = read_map(map_path)
-    losses = ""
+    about = _facts(map_path) if kind == ".glb" else None
     out.parent.mkdir(parents=True, exist_ok=True)
-    if kind == ".ply":
-        write_ply(gaussian_map, out)
-    else:
-        write_splat(gaussian_map, out)
-        if gaussian_map.sh_degree > 0:
-            losses = (
-                "; the format has colours of SH degree 0 only, the map has degree "
-                f"{gaussian_map.sh_degree}"
-            )
-        if rounding_m(gaussian_map) > MAX_ROUNDING_M:
-            losses += (
-                f"; centres are rounded by up to {1000 * rounding_m(gaussian_map):.3g} mm, as the "
-                "format has no origin"
-            )
+    write_map_file(gaussian_map, out, about, spz_version)
+    losses = "".join(f"; {loss}" for loss in losses_of(gaussian_map, kind))
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians, {out.stat().st_size} bytes{losses}")
+
+
+def _facts(map_path: Path) -> dict[str, Any]:
+    """Return what a file may say of a version; nothing of a map without versions."""
+    from gslts.store.describe import version_facts
+    from gslts.store.history import open_history
+    from gslts.store.manifest import split_version
+
+    folder, number = split_version(map_path)
+    if not folder.is_dir():
+        return {}
+    with open_history(folder) as history:
+        return version_facts(history, number)
 
 
 def _export_page(map_path: Path, out: Path, versions: int) -> None:

@@ -10,6 +10,8 @@ from gslts.types import Floats
 
 MAX_DEGREE = 3
 """Maximum degree of harmonics in a map."""
+MIN_FACTOR = 1e-12
+"""Factors below this in the rotation of harmonics are rounding errors of zero."""
 
 
 def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
@@ -32,7 +34,10 @@ def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
         # Harmonics of one degree are orthogonal and of one norm.
         turn = product(after[:, own].T * weights, before[:, own])
         turn /= (weights * before[:, own.start] ** 2).sum()
-        result[:, own] = (turn[None, :, :, None] * sh[:, None, own]).sum(axis=2)
+        for row, factors in enumerate(turn, start=own.start):
+            # Turns by 90 degrees, as between axes of formats, leave few.
+            used = np.flatnonzero(np.abs(factors) > MIN_FACTOR)
+            result[:, row] = sum(factors[k] * sh[:, own.start + k] for k in used)
     return result
 
 

@@ -11,6 +11,10 @@ The element `vertex` has these properties:
 The comment `gslts origin X Y Z` holds the map's `origin`, zero without it: other tools show a map
 around its own origin. Axes and units are not converted: a scene from structure from motion is
 seldom in metres with z up.
+
+Variants of other programs are read, too: fewer or other properties and types, red, green, blue
+(uchar) instead of f_dc, an infinite opacity and a scale of minus infinity (as opacity 1 or 0 and
+scale 0), and the compressed layout of PlayCanvas and SuperSplat.
 """
 
 from __future__ import annotations

@@ -21,15 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.gaussian_map import SH_C0, FloatArray, GaussianMap
+from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.io.activation import opacities_of, scales_of, to_bytes, unit_quats
 from gslts.io.atomic_files import write_atomic
 
 GAUSSIAN = np.dtype(
     [("mean", "<f4", 3), ("scales", "<f4", 3), ("rgba", np.uint8, 4), ("quat", np.uint8, 4)]
 )
 """Layout of one Gaussian."""
-MIN_QUAT_LENGTH = 1e-12
-"""Quaternions shorter than this mean no rotation, as in the rasterizer."""
 
 
 def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
@@ -43,7 +42,7 @@ def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
         OSError: The file cannot be written; an old file is unchanged.
     """
     log_scales = gaussian_map.log_scales.astype(np.float64)
-    opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
+    opacities = opacities_of(gaussian_map.logit_opacities)
     # The logarithm of opacity times volume, which cannot overflow.
     importance = log_scales.sum(axis=1) + np.log(np.maximum(opacities, 1e-300))
     rows = splat_rows(gaussian_map)[np.argsort(-importance, kind="stable")]
@@ -59,13 +58,13 @@ def splat_rows(gaussian_map: GaussianMap) -> NDArray[Any]:
     Returns:
         [N] of dtype `GAUSSIAN`, in the order of the map.
     """
-    opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
+    opacities = opacities_of(gaussian_map.logit_opacities)
     colors = 0.5 + SH_C0 * gaussian_map.sh[:, 0].astype(np.float64)
     rows = np.empty(gaussian_map.size, GAUSSIAN)
     rows["mean"] = gaussian_map.means + gaussian_map.origin
-    rows["scales"] = np.exp(gaussian_map.log_scales.astype(np.float64))
-    rows["rgba"] = _bytes(255 * np.column_stack([colors, opacities]))
-    rows["quat"] = _bytes(128 * unit_quats(gaussian_map.quats.astype(np.float64)) + 128)
+    rows["scales"] = scales_of(gaussian_map.log_scales)
+    rows["rgba"] = to_bytes(255 * np.column_stack([colors, opacities]))
+    rows["quat"] = to_bytes(128 * unit_quats(gaussian_map.quats.astype(np.float64)) + 128)
     return rows
 
 
@@ -77,23 +76,3 @@ def rounding_m(gaussian_map: GaussianMap) -> float:
     """
     farthest_m = np.abs(gaussian_map.means + gaussian_map.origin).max(initial=0)
     return float(np.spacing(np.float32(farthest_m)) / 2)
-
-
-def unit_quats(quats: FloatArray) -> FloatArray:
-    """Normalize quaternions.
-
-    Args:
-        quats: [N,4] wxyz; one of length 0 means no rotation.
-    """
-    lengths = np.linalg.norm(quats, axis=1, keepdims=True)
-    rotated = lengths > MIN_QUAT_LENGTH
-    identity = np.array([1, 0, 0, 0], quats.dtype)
-    return np.where(rotated, quats / np.where(rotated, lengths, 1), identity)
-
-
-def _sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.exp(-np.logaddexp(0, -logits))
-
-
-def _bytes(values: FloatArray) -> NDArray[np.uint8]:
-    return np.rint(values).clip(0, 255).astype(np.uint8)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime
+from typing import Any
 
 from gslts.store.causes import (
     Box,
@@ -160,3 +161,35 @@ def _format_motion(motion: Motion, box: Box | None) -> str:
         sum(turn * x for turn, x in zip(row, centre, strict=False)) + row[3] for row in motion[:2]
     ]
     return f" by {100 * math.dist(centre[:2], moved):.0f} cm and {turned}"
+
+
+def version_facts(history: History, number: int | None) -> dict[str, Any]:
+    """Return what other programs may show of a version, as JSON values.
+
+    Args:
+        history: Of the map.
+        number: Of the version; None means the newest.
+
+    Returns:
+        Number, time (ISO 8601, UTC), program, robot and description of the version; `types`, the
+        words of its semantic features; and `objects`, of each object that changed its name, and box
+        [3,2] or null of the last position, world, m.
+
+    Raises:
+        ValueError: There is no such version.
+    """
+    version = history.version(number)
+    causes = [version.cause for version in history.lineage(version.number)]
+    types = next((c.names for c in reversed(causes) if isinstance(c, SemanticsCause)), ())
+    return {
+        "version": version.number,
+        "time": datetime.fromtimestamp(version.time_s, UTC).isoformat(),
+        "gslts": version.gslts,
+        "robot": version.robot,
+        "description": describe_version(version),
+        "types": types,
+        "objects": [
+            {"name": track.name, "box": track.events[-1].boxes[1]}
+            for track in history.tracks(version.number)
+        ],
+    }

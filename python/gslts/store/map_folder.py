@@ -13,7 +13,7 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, temporary_path
-from gslts.io.ply import read_ply
+from gslts.io.map_files import read_map_file
 from gslts.store.causes import ImportCause, MappingCause
 from gslts.store.manifest import (
     CAMERAS,
@@ -78,8 +78,8 @@ def read_map(path: Path | str) -> GaussianMap:
     """Read a map.
 
     Args:
-        path: Folder of a map for its newest version, `FOLDER@NUMBER` for another one, or a PLY
-            file of 3DGS.
+        path: Folder of a map for its newest version, `FOLDER@NUMBER` for another one, or a .ply,
+            .glb or .spz file of 3DGS.
 
     Returns:
         The map.
@@ -90,7 +90,7 @@ def read_map(path: Path | str) -> GaussianMap:
     """
     folder, number = split_version(Path(path))
     if not folder.is_dir():
-        return read_ply(path)
+        return read_map_file(path)
     with open_map(folder) as store:
         return store.read(number)
 

@@ -14,8 +14,9 @@ import numpy as np
 
 from gslts._core import edit as _core
 from gslts.core.camera import Camera
-from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform, transform
+from gslts.core.similarity import rotate_quats
 from gslts.core.spherical_harmonics import rotate_harmonics
 from gslts.mapping.density.control import axes_of
 from gslts.types import Bools, Floats, Floats32, Ints, Ints32
@@ -64,7 +65,7 @@ def move_gaussians(gaussian_map: GaussianMap, rows: Bools, motion: Floats) -> Ga
     means, quats, sh = gaussian_map.means.copy(), gaussian_map.quats.copy(), gaussian_map.sh.copy()
     origin = gaussian_map.origin
     means[rows] = transform(motion, means[rows] + origin) - origin
-    quats[rows] = _rotate_quats(quats[rows], motion[:3, :3])
+    quats[rows] = rotate_quats(quats[rows], motion[:3, :3])
     sh[rows] = rotate_harmonics(sh[rows], motion[:3, :3])
     return replace(gaussian_map, means=means, quats=quats, sh=sh)
 
@@ -221,25 +222,3 @@ def _support_m(gaussian_map: GaussianMap, boxes: Sequence[Region], moving: Float
         if areas_m2[own].sum() >= MIN_SUPPORT_SHARE * footprint_m2:
             return float(np.median(heights_m[own]))
     return -np.inf
-
-
-def _rotate_quats(quats: FloatArray, rotation: Floats) -> Floats:
-    """Return [N,4] quaternions after a rotation of the world."""
-    w, x, y, z = quats.astype(np.float64).T
-    a, (b, c, d) = _quat_of(rotation)
-    return np.column_stack(
-        [
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        ]
-    )
-
-
-def _quat_of(turn: Floats) -> tuple[float, Floats]:
-    """Return the real and the imaginary part (3,) of the quaternion of a rotation."""
-    # A shift turns by far less than 180 degrees, where this fails.
-    real = 0.5 * np.sqrt(max(0.0, 1 + float(np.trace(turn))))
-    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    return real, axis / (4 * real)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.spherical_harmonics import colors_in_directions
-from gslts.io.splat import unit_quats
+from gslts.io.activation import unit_quats
 from gslts.mapping.density.control import axes_of
 from gslts.semantics.clusters import cell_keys
 from gslts.types import Bytes, Floats, Indices

@@ -35,7 +35,8 @@ class RoomName(StrEnum):
 def tradeoff(
     out: Annotated[Path, typer.Option(help="Folder for tables and plots.")],
     mapped: Annotated[
-        Path | None, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
+        Path | None,
+        typer.Argument(metavar="MAP", help="Folder of a map, or a file of 3DGS."),
     ] = None,
     dataset: Annotated[
         Path | None,
@@ -60,7 +61,7 @@ def tradeoff(
         int, typer.Option(min=1, help="Number of times each setting is measured.")
     ] = 15,
     map_path: Annotated[
-        Path | None, typer.Option("--map", help="A map to render instead: its folder or .ply file.")
+        Path | None, typer.Option("--map", help="A map to render instead: its folder or file.")
     ] = None,
     pose: output.Pose = None,
     jobs: NumberOfJobs = None,

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from gslts.io.gltf_file import Tree
 from gslts.types import Bytes, Floats, Floats32
-from gslts_sim.gltf.file import GltfFile, Tree
+from gslts_sim.gltf.file import HomeFile
 from gslts_sim.texture_atlas import LINEAR_OF_BYTE, srgb_from_linear
 
 MAX_TEXTURE_PX = 8192
@@ -38,7 +39,7 @@ class BaseColour:
     uv_from_raw: Floats
 
     @classmethod
-    def from_material(cls, file: GltfFile, material: Any) -> BaseColour:
+    def from_material(cls, file: HomeFile, material: Any) -> BaseColour:
         """Read the base colour of a material.
 
         Args:
@@ -86,7 +87,7 @@ class Textures:
         file: The glTF file.
     """
 
-    def __init__(self, file: GltfFile) -> None:
+    def __init__(self, file: HomeFile) -> None:
         self._file = file
         self._pixels_left = MAX_TOTAL_PX
         self._images: dict[int, Bytes] = {}

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts_sim.gltf.file import BadFileError, GltfFile, Tree
+from gslts.io.gltf_file import BadFileError, Tree
+from gslts_sim.gltf.file import HomeFile
 from gslts_sim.gltf.objects import place_object, type_of, with_parents
 from gslts_sim.gltf.parts import Node, read_nodes
 from gslts_sim.home import AreaLight, Home, HomeObject, Room
@@ -61,7 +62,7 @@ def load_home(path: str | os.PathLike[str]) -> Home:
     """
     path = Path(path)
     try:
-        return _home(GltfFile(path))
+        return _home(HomeFile(path))
     except (BadFileError, OSError, MemoryError):
         raise
     except Exception as error:  # An untrusted file may cause any.
@@ -77,7 +78,7 @@ class _LoadedObject:
     room: str
 
 
-def _home(file: GltfFile) -> Home:
+def _home(file: HomeFile) -> Home:
     nodes = {node.index: node for node in read_nodes(file)}
     owned: dict[int, list[Surface]] = defaultdict(list)
     for node in nodes.values():
@@ -105,7 +106,7 @@ def _home(file: GltfFile) -> Home:
 
 
 def _load_object(
-    file: GltfFile, node: Node, surfaces: list[Surface], counts: dict[str, int]
+    file: HomeFile, node: Node, surfaces: list[Surface], counts: dict[str, int]
 ) -> _LoadedObject:
     """Return the object of a node; counts names in `counts`."""
     name, extras = str(_name(file, node.index)), _extras(file, node.index)
@@ -122,7 +123,7 @@ def _load_object(
     return _LoadedObject(obj, str(extras.get("room", "room")))
 
 
-def _require_size(file: GltfFile, rooms: list[Room]) -> None:
+def _require_size(file: HomeFile, rooms: list[Room]) -> None:
     """Reject a home whose rooms together are too small or too large."""
     size = np.ptp(np.concatenate([room.box for room in rooms]), axis=0)
     min_m, max_m = HOME_SIZE_M
@@ -132,14 +133,14 @@ def _require_size(file: GltfFile, rooms: list[Room]) -> None:
         file.reject(f"its rooms measure {sides} m; homes in metres have {min_m:g} to {max_m:g} m")
 
 
-def _name(file: GltfFile, index: int) -> str | None:
+def _name(file: HomeFile, index: int) -> str | None:
     """Return a node's name, else its type; None if it has neither."""
     node = file.items("nodes")[index]
     name = node.get("name") or _extras(file, index).get("type")
     return None if name is None else str(name)
 
 
-def _extras(file: GltfFile, index: int) -> Tree:
+def _extras(file: HomeFile, index: int) -> Tree:
     extras = file.items("nodes")[index].get("extras")
     extras = extras if isinstance(extras, dict) else {}
     for key, kinds in (("type", str), ("room", str), ("movable", int), ("receptacle", int)):
@@ -148,7 +149,7 @@ def _extras(file: GltfFile, index: int) -> Tree:
     return extras
 
 
-def _owner(file: GltfFile, index: int) -> int:
+def _owner(file: HomeFile, index: int) -> int:
     """Return the node of the object that a node's mesh belongs to."""
     chain: list[int] = []
     above: int | None = index

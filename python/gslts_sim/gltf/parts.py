@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from gslts.io.gltf_file import Z_UP, Accessor, Tree, as_list, denormalize
 from gslts.types import Bytes, Floats, Floats32, Ints
 from gslts_sim.gltf.colour import BaseColour, Textures, palette
-from gslts_sim.gltf.file import GltfFile, Tree, as_list, is_count
+from gslts_sim.gltf.file import HomeFile
 from gslts_sim.mesh import Surface
 
 MAX_CORNERS = 15_000_000
@@ -24,16 +25,8 @@ MAX_CORNERS = 15_000_000
 MAX_DISTANCE_M = 10_000.0
 """Maximum coordinate of a vertex, m; rays are cast in single precision, which has a resolution of a
 millimetre there."""
-SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Size of glTF's component types, bytes."""
-MAX_VALUES = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}
-"""Integer that represents 1 in normalised accessors, by component type."""
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-"""Number of components of glTF's accessor types."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of glTF's primitives."""
-Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-"""Rotation [4,4] from glTF's axes, where y is up, to the world."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +44,7 @@ class Node:
     surfaces: tuple[Surface, ...]
 
 
-def read_nodes(file: GltfFile) -> list[Node]:
+def read_nodes(file: HomeFile) -> list[Node]:
     """Read the nodes of the default scene.
 
     Args:
@@ -95,7 +88,7 @@ def read_nodes(file: GltfFile) -> list[Node]:
     return nodes
 
 
-def _depth_first(file: GltfFile) -> list[int]:
+def _depth_first(file: HomeFile) -> list[int]:
     stack = file.roots()[::-1]
     order = []
     while stack:
@@ -107,10 +100,11 @@ def _depth_first(file: GltfFile) -> list[int]:
 class _Outline:
     """Builder of the reduced JSON for trimesh."""
 
-    def __init__(self, file: GltfFile) -> None:
+    def __init__(self, file: HomeFile) -> None:
         self.file = file
         self.resources: dict[str, memoryview] = {}
         self._accessors: list[Tree] = []
+        self._validated: dict[int, Accessor] = {}
         self._rows: dict[int, int] = {}
         self._meshes: dict[str, Tree] = {}
         self._colours: dict[str, BaseColour] = {}
@@ -191,29 +185,15 @@ class _Outline:
 
     def _add_accessor(self, index: Any, kinds: tuple[str, ...]) -> int:
         """Add an accessor after a check that its buffer holds what it declares."""
-        accessor = self.file.item("accessors", index)
-        count, size = accessor.get("count"), SIZES.get(accessor.get("componentType", 0))
-        offset = accessor.get("byteOffset", 0)
-        if accessor.get("type") not in kinds or size is None or not is_count(count) or count == 0:
-            self.file.reject(f"accessors[{index}] is not a list of {' or '.join(kinds)}")
-        if "sparse" in accessor or "bufferView" not in accessor:
-            self.file.reject(f"accessors[{index}] is sparse or has no data, not supported")
-        view = accessor["bufferView"]
-        data = self.file.view(view)
-        row = size * WIDTHS[accessor["type"]]
-        stride = self.file.item("bufferViews", view).get("byteStride", row)
-        if not is_count(stride) or stride < row or not is_count(offset):
-            self.file.reject(f"accessors[{index}]: rows of {row} bytes, {stride} apart")
-        if offset + (count - 1) * stride + row > len(data):
-            self.file.reject(
-                f"accessors[{index}] says {count} entries, its {len(data)} bytes hold fewer"
-            )
+        accessor = self.file.accessor(index, kinds)
         if index not in self._rows:
+            self._validated[index] = accessor
             self._rows[index] = len(self._accessors)
             kept = ("componentType", "count", "type")
+            view = self._add_view(accessor.view, accessor.data)
             self._accessors.append(
-                {key: accessor[key] for key in kept}
-                | {"byteOffset": offset, "bufferView": self._add_view(view, data)}
+                {key: self.file.item("accessors", index)[key] for key in kept}
+                | {"byteOffset": accessor.offset, "bufferView": view}
             )
         return self._rows[index]
 
@@ -227,19 +207,11 @@ class _Outline:
             self._views[name] = view
         return self._views[name]["buffer"]
 
-    def _unpack(self, values: Any, index: int) -> Floats:
-        """Return the values of an accessor from those of trimesh, normalised if declared so."""
-        accessor = self.file.item("accessors", index)
-        numbers = np.array(values, np.float64)
-        if accessor.get("normalized") and accessor["componentType"] in MAX_VALUES:
-            numbers = np.maximum(numbers / MAX_VALUES[accessor["componentType"]], -1)
-        return numbers
-
     def surface(self, name: str, mesh: Any, world_from_node: Floats, textures: Textures) -> Surface:
         """Return the surface of a primitive, its vertices in the world."""
         mesh_index, k = map(int, name.split("."))
         attributes = self.file.items("meshes")[mesh_index]["primitives"][k]["attributes"]
-        local = self._unpack(mesh.vertices, attributes["POSITION"])
+        local = denormalize(mesh.vertices, self._validated[attributes["POSITION"]])
         if not np.isfinite(local).all():
             row = int(np.flatnonzero(~np.isfinite(local).all(axis=1))[0])
             self.file.reject(f"vertex {row} is {local[row].tolist()}")
@@ -264,12 +236,13 @@ class _Outline:
         factor = colour.factor
         uvs = np.zeros((len(faces), 3, 2), np.float32)
         if "_UV" in mesh.vertex_attributes:
-            accessor = attributes[f"TEXCOORD_{colour.uv_set}"]
-            raw = self._unpack(mesh.vertex_attributes["_UV"], accessor)
+            accessor = self._validated[attributes[f"TEXCOORD_{colour.uv_set}"]]
+            raw = denormalize(mesh.vertex_attributes["_UV"], accessor)
             uv = raw @ colour.uv_from_raw[:, :2].T + colour.uv_from_raw[:, 2]
             uvs = uv.astype(np.float32)[faces]
         if "_COLOR" in mesh.vertex_attributes:
-            colours = self._unpack(mesh.vertex_attributes["_COLOR"], attributes["COLOR_0"])
+            accessor = self._validated[attributes["COLOR_0"]]
+            colours = denormalize(mesh.vertex_attributes["_COLOR"], accessor)
             of_faces = colours[faces, :3].mean(axis=1)
             if colour.image is None:
                 return palette(of_faces * factor)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gslts.io.atomic_files import write_atomic
-from gslts_sim.gltf.parts import Z_UP
+from gslts.io.gltf_file import Z_UP
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.mesh import Surface
 

@@ -13,22 +13,14 @@ import pytest
 import scenes
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from ply_maps import columns_of, float_map
+from written_maps import assert_same, maps
 
 import gslts
 
-ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features", "ids", "origin")
 FORMATS = [{"text": True}, {"byte_order": "<"}, {"byte_order": ">"}]
 LIST_FORMATS = FORMATS[:2]  # plyfile 1.1 writes rows with lists in the wrong order of bytes.
-
-
-def assert_same(actual: gslts.GaussianMap, expected: gslts.GaussianMap) -> None:
-    for name in ARRAYS:
-        a, b = getattr(actual, name), getattr(expected, name)
-        assert (a.dtype, a.shape) == (b.dtype, b.shape), name
-        assert a.tobytes() == b.tobytes(), name
 
 
 def element(name: str, columns: dict[str, Any], **options: Any) -> plyfile.PlyElement:
@@ -166,32 +158,6 @@ def test_lists_across_blocks(tmp_path):
     for layout in LIST_FORMATS:
         plyfile.PlyData([vertex], **layout).write(tmp_path / "map.ply")
         assert_same(gslts.read_ply(tmp_path / "map.ply"), gaussians)
-
-
-FINITE = hnp.from_dtype(np.dtype(np.float32), allow_nan=False, allow_infinity=False)
-
-
-@st.composite
-def maps(draw):
-    size = draw(st.integers(0, 5))
-    bases = draw(st.sampled_from([1, 4, 9, 16]))
-    dims = draw(st.integers(0, 3))
-
-    def array(*shape: int) -> Any:
-        return draw(hnp.arrays(np.float32, shape, elements=FINITE))
-
-    return gslts.GaussianMap(
-        means=array(size, 3),
-        quats=array(size, 4),
-        log_scales=array(size, 3),
-        logit_opacities=array(size),
-        sh=array(size, bases, 3),
-        features=array(size, dims),
-        ids=draw(hnp.arrays(np.uint64, size, unique=True)),
-        origin=draw(
-            hnp.arrays(np.float64, 3, elements=st.floats(allow_nan=False, allow_infinity=False))
-        ),
-    )
 
 
 @given(gaussians=maps())

@@ -12,11 +12,12 @@ import trimesh
 from gltf_files import CUBE, Gltf, flat, four_colours, glb, quad, sized
 from PIL import Image
 
+from gslts.io import gltf_file
 from gslts_sim import load_home
 from gslts_sim.gltf import colour as gltf_colour
-from gslts_sim.gltf import file as gltf_file
 from gslts_sim.gltf import objects as gltf_objects
 from gslts_sim.gltf import parts as gltf_parts
+from gslts_sim.gltf.file import HomeFile
 
 
 def assert_rejected(path: Path, match: str, error: type[Exception] = ValueError) -> None:
@@ -219,7 +220,7 @@ def test_limits(tmp_path, monkeypatch):
     path = quad(four_colours()).write(tmp_path / "large.glb")
     load_home(path)
     for module, name, value, match in (
-        (gltf_file, "MAX_FILE_BYTES", 500, "larger than 500"),
+        (HomeFile, "max_bytes", 500, "larger than 500"),
         (gltf_file, "MAX_JSON_BYTES", 100, "JSON has .* more than 100"),
         (gltf_file, "MAX_NODES", 0, "1 nodes, more than 0"),
         (gltf_parts, "MAX_CORNERS", 11, "more than 11 vertices"),

@@ -1,14 +1,16 @@
 """Tracks of objects: one object is one track, and each of its changes is listed once."""
 
+import json
 import math
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 
 import pytest
-from store_maps import ROOM, random_map
+from store_maps import ORACLE, ROOM, random_map
 
 from gslts.store.causes import Appearance, Box, ChangeRecord, Motion, UpdateCause
-from gslts.store.describe import describe_event, describe_versions
+from gslts.store.describe import describe_event, describe_versions, version_facts
 from gslts.store.map_store import MapStore
 from gslts.store.records import ObjectEvent, Track
 
@@ -278,3 +280,19 @@ def test_a_shift_of_an_unknown_position_has_no_distance() -> None:
         kind="shift", type="Chair", boxes=(None, None), motion=motion(0.1, 0, -4, about=(5, 5))
     )
     assert describe_event(event) == "Chair shifted by 4°"
+
+
+def test_facts_of_a_version_name_its_words_and_the_last_positions(store: MapStore) -> None:
+    commit(store, 0, came(A), gone(C, "Mug"))
+    store.commit(store.read(), ORACLE, ())
+    commit(store, 1, moved(A, B))
+    facts = version_facts(store, None)
+    json.dumps(facts, allow_nan=False)
+    assert (facts["version"], facts["types"]) == (4, ("Mug",))
+    assert facts["objects"] == [{"name": "Mug", "box": None}, {"name": "Pillow", "box": box(B)}]
+    assert datetime.fromisoformat(facts["time"]).timestamp() == store.version(4).time_s
+    before = version_facts(store, 2)
+    assert (before["version"], before["types"]) == (2, ())
+    assert before["objects"][1] == {"name": "Pillow", "box": box(A)}
+    with pytest.raises(ValueError, match="version 9"):
+        version_facts(store, 9)

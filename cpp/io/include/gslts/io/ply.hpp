@@ -26,6 +26,10 @@ struct PlyContents {
 /// the origin is the comment `gslts origin X Y Z`. Files are ascii or binary of either byte order,
 /// and may have other elements. Axes and units stay as they are.
 ///
+/// Other programs' variants: red green blue (uchar) for f_dc; an opacity of plus or minus infinity
+/// and a scale of minus infinity, which become 20, -20 and -30; and the compressed layout of
+/// PlayCanvas and SuperSplat.
+///
 /// @param path  A regular file. It is untrusted: no more memory is taken than its size justifies.
 /// @throws std::system_error   naming the path, if the file cannot be opened or read.
 /// @throws std::runtime_error  in one line that names the path, the header's line or the row and
