@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -283,12 +283,7 @@ def even_shares(count: int, homes: int) -> list[int]:
 
 
 def _code() -> dict[str, Any]:
-    libraries = {}
-    for name in ("numpy", "open3d-cpu", "open3d"):
-        try:
-            libraries[name] = version(name)
-        except PackageNotFoundError:  # Open3D has two names.
-            continue
+    libraries = {name: version(name) for name in ("numpy", "embreex")}
     recorded = code_digest("gslts_bench.homes", without=("gslts.mapping",))
     return {
         "sim": {"python": recorded, "libraries": libraries},
