@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -283,7 +284,10 @@ def even_shares(count: int, homes: int) -> list[int]:
 
 
 def _code() -> dict[str, Any]:
-    libraries = {name: version(name) for name in ("numpy", "embreex")}
+    libraries = {}
+    for name in ("numpy", "embreex"):
+        with suppress(PackageNotFoundError):  # The simulator is an extra.
+            libraries[name] = version(name)
     recorded = code_digest("gslts_bench.homes", without=("gslts.mapping",))
     return {
         "sim": {"python": recorded, "libraries": libraries},
