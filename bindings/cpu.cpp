@@ -21,7 +21,7 @@ PyModuleDef definition = {
 PyMODINIT_FUNC PyInit__cpu() {
   if (const char* feature = missing_feature()) {
     return PyErr_Format(PyExc_ImportError,
-                        "gslts needs an x86-64 processor with SSE4.2, PCLMULQDQ and AES (Intel of "
+                        "the processor must be x86-64 with SSE4.2, PCLMULQDQ and AES (Intel of "
                         "2010, AMD of 2011 or newer): this one has no %s",
                         feature);
   }

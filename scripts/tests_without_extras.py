@@ -29,7 +29,7 @@ def main() -> None:
 
 @cache
 def imports_of(path: Path) -> frozenset[str]:
-    """Collect the modules that a file imports at its top, and those of the helpers of tests."""
+    """Collect the modules that a file imports, and those of the helpers of tests."""
     names: set[str] = set()
     for module in _modules(ast.parse(path.read_text())):
         helper = next((f for folder in SUPPORT if (f := folder / f"{module}.py").exists()), None)
@@ -37,14 +37,12 @@ def imports_of(path: Path) -> frozenset[str]:
     return frozenset(names)
 
 
-def _modules(block: ast.AST) -> Iterator[str]:
-    for node in ast.iter_child_nodes(block):
+def _modules(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
             yield node.module
-        elif isinstance(node, ast.If | ast.Try | ast.With):
-            yield from _modules(node)
 
 
 @cache

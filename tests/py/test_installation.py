@@ -1,10 +1,12 @@
-"""What `pip install gslts` brings, and what it leaves to extras."""
+"""Requirements of the package alone, and those of its extras."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
-PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 HEAVY = {"matplotlib", "open3d", "open3d-cpu", "scipy", "torch", "transformers"}
 
@@ -33,10 +35,18 @@ def test_extras_without_models_bring_no_torch() -> None:
 
 
 def test_messages_name_extras_that_exist() -> None:
-    sources = Path(__file__).parents[2] / "python"
     named = {
         extra
-        for path in sources.rglob("*.py")
+        for path in (ROOT / "python").rglob("*.py")
         for extra in re.findall(r"pip install '?gslts\[(\w+)\]", path.read_text())
     }
     assert {"sim", "viewer", "torch"} <= named <= EXTRAS.keys()
+
+
+def test_a_wheel_is_tested_with_what_is_installed(tmp_path: Path) -> None:
+    script = runpy.run_path(str(ROOT / "scripts" / "tests_without_extras.py"))
+    path = tmp_path / "test_it.py"
+    path.write_text("import json\n\ndef test_it():\n    from missing_package.part import it\n")
+    assert script["imports_of"](path) == {"json", "missing_package.part"}
+    assert script["is_installed"]("json")
+    assert not script["is_installed"]("missing_package.part")

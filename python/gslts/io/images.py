@@ -18,7 +18,7 @@ RgbImage = NDArray[np.uint8]
 NO_DEPTH = (40, 40, 40)
 """RGB of pixels without depth: dark grey, which the colour map does not have."""
 DEPTH_COLORS, ERROR_COLORS, HEAT_COLORS = "turbo_r", "inferno", "turbo"
-"""Colour maps of OpenCV (`_r` reversed): near is red, far is blue; no error is black; hot is red."""
+"""Colour maps of OpenCV, `_r` reversed: near is red, far blue; no error is black; hot is red."""
 NEAR_M = 0.05
 """Distance to the camera below which boxes are not drawn, m; their projection would diverge."""
 

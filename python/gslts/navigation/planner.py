@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gslts import _core
+from gslts._core.plan import distance_field
 from gslts.navigation.grid import Grid
 from gslts.types import Bools, Floats
 
@@ -76,7 +76,7 @@ def distance_field_m(free: Bools, goals: Bools, cell_m: float) -> Floats:
     Returns:
         [M,M] m; infinite where there is no path.
     """
-    return _core.plan.distance_field(free, goals, cell_m=cell_m)
+    return distance_field(free, goals, cell_m=cell_m)
 
 
 def plan_path(grid: Grid, free: Bools, start: Floats, goals: Bools) -> PlannedPath:

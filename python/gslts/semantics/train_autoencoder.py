@@ -147,4 +147,5 @@ def _backward(
     dL_dbefore = (dL_dresult @ weights[f"{part}.2.weight"]) * gelu_slope(before)
     gradients[f"{part}.0.weight"] = dL_dbefore.T @ inputs
     gradients[f"{part}.0.bias"] = dL_dbefore.sum(axis=0)
-    return dL_dbefore @ weights[f"{part}.0.weight"]
+    dL_dinputs: Floats32 = dL_dbefore @ weights[f"{part}.0.weight"]
+    return dL_dinputs

@@ -17,6 +17,7 @@ import numpy as np
 from gslts.types import Bytes, Floats, Floats32, Ints
 from gslts_sim.gltf.colour import BaseColour, Textures, palette
 from gslts_sim.gltf.file import GltfFile, Tree, as_list, is_count
+from gslts_sim.gltf.library import import_trimesh
 from gslts_sim.mesh import Surface
 
 MAX_CORNERS = 15_000_000
@@ -63,7 +64,7 @@ def read_nodes(file: GltfFile) -> list[Node]:
     Raises:
         BadFileError: A part of it is damaged or not supported.
     """
-    import trimesh
+    trimesh = import_trimesh()
 
     order = _depth_first(file)
     outline = _Outline(file)
