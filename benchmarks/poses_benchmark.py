@@ -23,7 +23,7 @@ from PIL import Image
 
 from gslts.core.se3 import fit_rigid_motion, pose_distance, product
 from gslts.datasets import Dataset, open_dataset
-from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
+from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
 from gslts.trajectory.estimate import estimate_poses
 from gslts.trajectory.photographs import place_photographs

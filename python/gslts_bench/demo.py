@@ -16,6 +16,7 @@ from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.config import KeeperConfig
+from gslts.keeper.describe import describe_keeper
 from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import MapKeeper
 from gslts.localization.config import RelocalizationConfig
@@ -27,6 +28,7 @@ from gslts.mapping.report.images import png_of
 from gslts.mapping.report.summary import summary_of, write_result
 from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import draw_semantic_map
+from gslts.robots.watched import WatchedRobot
 from gslts.semantics.add_semantics import add_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.query_image import draw_query
@@ -34,6 +36,7 @@ from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig
+from gslts.viewer.beside import ShowFrame, viewer_beside
 from gslts_bench.series.events import was_found
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim import make_home
@@ -91,7 +94,15 @@ QUICK = Scale(
 """Scale of `gslts demo --quick`."""
 
 
-def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[str], None]) -> Path:
+def run_day(
+    out: Path,
+    scale: Scale,
+    *,
+    threads: int,
+    bar: Bar,
+    say: Callable[[str], None],
+    view: bool = False,
+) -> Path:
     """Map a home and keep the map up to date for a day.
 
     Args:
@@ -100,6 +111,7 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
         threads: 0 means one per hardware thread.
         bar: Shows progress.
         say: Receives messages.
+        view: Show the map and the robot in the browser as soon as there is a map.
 
     Returns:
         File of the report.
@@ -136,7 +148,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
         extension=scale.mapping.model_copy(update={"threads": threads, "budget_s": None}),
     )
     evening = _open_door(day, home)
-    _go_rounds(out / "map", day, home, evening, config, bar, say)
+    with viewer_beside(out / "map", view) as show:
+        _go_rounds(out / "map", day, home, evening, config, bar, say, show)
     known = day.state(home, len(day.rounds)).home  # The room of the morning.
     capture(_robot_in(evening, day), explore(known, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
@@ -188,15 +201,20 @@ def _go_rounds(
     config: KeeperConfig,
     bar: Bar,
     say: Callable[[str], None],
+    show: ShowFrame,
 ) -> None:
     """Keep the map up to date through the rounds of the day, and extend it in the evening."""
     with MapKeeper(folder, config, log=lambda words: say(f"  {words}")) as keeper:
+
+        def in_view(robot: Controller) -> WatchedRobot:
+            return WatchedRobot(robot, lambda frame: show(frame, describe_keeper(keeper)))
+
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
-            keeper.go_round(day.robot(home, gone))
+            keeper.go_round(in_view(day.robot(home, gone)))
         say(f"the door to the {NEXT_ROOM} opens")
-        robot = _robot_in(evening, day)
+        robot = in_view(_robot_in(evening, day))
         keeper.go_round(robot)
         keeper.explore(robot)
 

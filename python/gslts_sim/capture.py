@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
+from gslts.datasets.nerfstudio import OBJECTS
+from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.datasets.recording import RecordingWriter, write_json
 from gslts.io.atomic_files import empty_folder
 from gslts.types import Floats

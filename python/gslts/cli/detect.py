@@ -12,7 +12,7 @@ import typer
 
 from gslts.cli.arguments import Map
 from gslts.cli.localize import Localize, localizer_of
-from gslts.cli.mapping import Dataset, Threads
+from gslts.cli.mapping import Dataset, Threads, echo_skipped
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
@@ -78,8 +78,7 @@ def detect(
     localizer = localizer_of(map_path, threads) if localize else None
     if out is not None:
         empty_folder(out)
-    for reason in opened.skipped:
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped(opened.left_out)
     names = frame or list(known)
     for number, name in enumerate(tqdm(names, desc="detecting", unit="frame", disable=None)):
         try:

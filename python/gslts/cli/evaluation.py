@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gslts.cli.arguments import Map
-from gslts.cli.mapping import Dataset, Threads
+from gslts.cli.mapping import Dataset, Threads, echo_skipped
 
 if TYPE_CHECKING:
     from gslts.core.gaussian_map import GaussianMap
@@ -64,8 +64,7 @@ def judge(
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
-    for reason in skipped:
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped(skipped)
     quality, _ = evaluate_held_out(gaussian_map, frames, threads)
     rgbd = [frame.rgbd() for frame in frames.observations.values()]
     rest = evaluate_rendering(gaussian_map, rgbd, lpips, threads)

@@ -15,6 +15,7 @@ from gslts.cli.mapping import (
     PosesOption,
     Preset,
     Threads,
+    echo_skipped,
     open_with_poses,
 )
 
@@ -73,8 +74,7 @@ def extend(
 
 def _echo(map_path: Path, result: MapExtension) -> None:
     """Print what was done, and what was not."""
-    for reason in (*result.skipped, *result.placement.unplaced):
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped((*result.skipped, *result.placement.unplaced))
     if result.changed:
         typer.echo(
             f"{len(result.changed)} frames show changes of what the map knows, such as "

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gslts.cli.arguments import MapFolder
-from gslts.cli.mapping import Threads
+from gslts.cli.mapping import Threads, echo_skipped
 
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
@@ -181,8 +181,7 @@ def _open_frames(path: Path, *, posed: bool) -> Dataset:
     from gslts.datasets import open_dataset
 
     opened = open_dataset(path, posed=posed)
-    for reason in opened.skipped:
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped(opened.left_out)
     return opened
 
 
@@ -192,7 +191,7 @@ def _frame_of_image(
     from math import radians
 
     from gslts.core.camera import camera_from_fov
-    from gslts.datasets.dataset import ImageFrame, image_size
+    from gslts.datasets.image_frame import ImageFrame, image_size
     from gslts.store.camera_files import read_intrinsics
 
     if camera is not None and fov_deg is not None:

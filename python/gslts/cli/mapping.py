@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -45,7 +46,8 @@ PosesOption = Annotated[
 Dataset = Annotated[
     Path,
     typer.Argument(
-        help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
+        help="A ROS 2 bag, or a recording in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
+        "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica."
     ),
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
@@ -61,8 +63,8 @@ def make(
         list[Path],
         typer.Argument(
             metavar="DATASET...",
-            help="Folders in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or ROS 2 "
-            "bags.",
+            help="ROS 2 bags, or recordings in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
+            "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica.",
         ),
     ],
     out: Annotated[
@@ -172,8 +174,7 @@ def make(
     write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
     saved.unlink(missing_ok=True)
     trajectory.unlink(missing_ok=True)
-    for reason in result.skipped:
-        typer.echo(f"skipped {reason}", err=True)
+    echo_skipped(result.skipped)
     if (warning := warning_of(result)) is not None:
         typer.echo(f"warning: {warning}", err=True)
     typer.echo(f"wrote {out}: {summary_of(result)}")
@@ -187,6 +188,18 @@ def beside(out: Path, ending: str) -> Path:
         ending: Ending of the file, such as `CHECKPOINT`.
     """
     return out.with_name(out.name + ending)
+
+
+def echo_skipped(left_out: Iterable[str]) -> None:
+    """Print which frames are left out and why, with one line for each reason.
+
+    Args:
+        left_out: Lines of the form "name: reason".
+    """
+    from gslts.datasets.dataset import join_reasons
+
+    for line in join_reasons(left_out):
+        typer.echo(f"skipped {line}", err=True)
 
 
 def open_with_poses(

@@ -84,6 +84,10 @@ def ros(
     viewpoints: Annotated[
         int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
     ] = 40,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Also show the map and the robot in the browser."),
+    ] = False,
     publish_tf: Annotated[
         bool,
         typer.Option(
@@ -141,6 +145,7 @@ def ros(
         locate=locate,
         active=active,
         build=build,
+        view=view,
         record=record,
         rate_hz=rate,
         max_viewpoints=viewpoints,

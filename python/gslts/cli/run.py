@@ -82,11 +82,13 @@ def run(
     """
     from tqdm import tqdm
 
-    from gslts.cli.view import viewed
     from gslts.fleet.state import require_remote_state
+    from gslts.keeper.describe import describe_keeper
     from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.localized import localized
     from gslts.robots.sources import open_robot
+    from gslts.robots.watched import WatchedRobot
+    from gslts.viewer.beside import viewer_beside
 
     if share:
         require_remote_state(map_path)
@@ -104,7 +106,7 @@ def run(
     config = _config(iterations, threads, relocalize=localize and robot is not None)
     with (
         stop_signals() as received,
-        viewed(map_path, view),
+        viewer_beside(map_path, view) as show,
         tqdm(desc="starting", bar_format=BAR, disable=None) as bar,
     ):
 
@@ -125,6 +127,13 @@ def run(
             progress=on_progress,
             log=log,
         ) as keeper:
+
+            def in_map(driven: Robot) -> Robot:
+                return WatchedRobot(
+                    localized(driven, keeper.localizer),
+                    lambda frame: show(frame, describe_keeper(keeper)),
+                )
+
             first = keeper.begin_source(source)
             last = first + (rounds or 1)
             if rounds is None and available is not None:
@@ -134,7 +143,7 @@ def run(
                     bar.set_description(f"round {number}", refresh=False)
                     bar.reset(total=0)
                     driven, viewpoints = round_of(number)
-                    keeper.go_round(localized(driven, keeper.localizer), viewpoints)
+                    keeper.go_round(in_map(driven), viewpoints)
                     if extend and recording is not None:
                         keeper.extend(recording, str(frames))
                     elif extend:
@@ -142,8 +151,7 @@ def run(
                     if share:
                         keeper.let_others_write(lambda: _exchange(map_path, log))
                 if consolidate:
-                    driven = round_of(max(first, last - 1))[0]
-                    keeper.consolidate(localized(driven, keeper.localizer))
+                    keeper.consolidate(in_map(round_of(max(first, last - 1))[0]))
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"

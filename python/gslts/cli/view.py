@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Annotated
+import threading
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gslts.cli.arguments import MapFolder, TextModelFolder
+
+if TYPE_CHECKING:
+    from gslts.viewer.viewer import Viewer
 
 # Imports of commands are inside the functions, so that `gslts --help` answers at once.
 
@@ -30,6 +30,9 @@ def view(
         ),
     ] = None,
     text_model: TextModelFolder = None,
+    live: Annotated[
+        bool, typer.Option("--live", hidden=True, help="Show the frames of standard input.")
+    ] = False,
 ) -> None:
     """Show a map and its history in the browser, and follow new versions.
 
@@ -43,23 +46,14 @@ def view(
     with stop_signals() as received, Viewer(map_path, host, port, token, text_model) as viewer:
         ending = "/?token=TOKEN" if token else ""
         typer.echo(f"open {viewer.url}{ending} in a browser; Ctrl-C ends it")
+        if live:
+            threading.Thread(target=_show_live, args=(viewer,), daemon=True).start()
         while not received:
             viewer.wait(1)
 
 
-@contextmanager
-def viewed(map_path: Path, wanted: bool) -> Iterator[None]:
-    """Serve `gslts view` beside a command, in a process of its own that cannot slow it.
+def _show_live(viewer: Viewer) -> None:
+    from gslts.viewer.live import read_live_frames
 
-    Args:
-        map_path: Folder of the map.
-        wanted: False does nothing.
-    """
-    command = [sys.executable, "-m", "gslts", "view", str(map_path), "--port", "0"]
-    process = subprocess.Popen(command) if wanted else None
-    try:
-        yield
-    finally:
-        if process is not None:
-            process.terminate()
-            process.wait()
+    for frame in read_live_frames(sys.stdin.buffer):
+        viewer.show_robot(frame)

@@ -12,7 +12,9 @@ from gslts.datasets.colmap_files import (
     read_images,
     read_points,
 )
-from gslts.datasets.dataset import Dataset, ImageFrame, name_of, pinhole, with_unique_names
+from gslts.datasets.dataset import Dataset, gather, name_of, pinhole
+from gslts.datasets.files import image_file
+from gslts.datasets.image_frame import ImageFrame, with_unique_names
 from gslts.datasets.poses import inverse, pose_from_quat
 from gslts.datasets.undistort import Lens, lens_or_none
 
@@ -58,20 +60,18 @@ def open_colmap(path: Path) -> Dataset:
     if folder is None:
         raise ValueError(f"{path}: there is no sparse model")
     cameras = read_cameras(_file(folder, "cameras"))
-    frames: list[ImageFrame] = []
-    skipped: list[str] = []
     images = sorted(read_images(_file(folder, "images")), key=lambda image: image.name)
-    for number, image in enumerate(images):
-        try:
-            frames.append(_frame(path, image, cameras, float(number)))
-        except (OSError, ValueError) as error:
-            skipped.append(f"{image.name}: {error}")
+    frames, skipped, missing = gather(
+        ((image.name, (image, float(number))) for number, image in enumerate(images)),
+        lambda entry: _frame(path, entry[0], cameras, entry[1]),
+    )
     points = _file(folder, "points3D")
     return Dataset(
         name_of(path),
         with_unique_names(frames, path),
-        tuple(skipped),
+        skipped,
         read_points(points) if points.exists() else None,
+        missing=missing,
     )
 
 
@@ -94,16 +94,8 @@ def _frame(
 ) -> ImageFrame:
     if image.camera not in cameras:
         raise ValueError(f"there is no camera {image.camera}")
-    rgb = next(
-        (
-            folder / image.name
-            for folder in (path / "images", path)
-            if (folder / image.name).is_file()
-        ),
-        None,
-    )
-    if rgb is None:
-        raise ValueError(f"there is no such image in {path / 'images'} or {path}")
+    in_images = (path / "images" / image.name).is_file()
+    rgb = image_file(path / "images" if in_images else path, image.name)
     intrinsics, lens = _intrinsics(cameras[image.camera])
     size = (cameras[image.camera].width, cameras[image.camera].height)
     pose = inverse(pose_from_quat(image.quaternion, image.translation))

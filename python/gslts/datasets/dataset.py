@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
-from gslts.core.frame import Labels, RgbdFrame
+from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import product
-from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
+from gslts.datasets.files import MissingImageError
 
 RIGID_TOLERANCE = 0.02
 """Maximum error of the singular values of a rotation; those of 7-Scenes err by up to 0.005."""
@@ -25,13 +23,12 @@ MAX_PIXELS = 1 << 26
 """Maximum pixels of an image, checked before memory is taken; no camera of a robot has more."""
 MAX_SIDE_PX = 1 << 16
 """Maximum width and height of an image; bounds both before they are multiplied."""
-MAX_LIST_BYTES = 1 << 28
-"""Maximum size of a file that lists frames: 100,000 frames of nerfstudio take 60 MiB, an hour of
-TUM at 30 Hz 10 MiB."""
 FOCAL_RANGE = (0.05, 50.0)
 """Focal length over the longer side of the image: a field of view of 168 to 1.1 degrees."""
 MAX_MATRIX_BYTES = 10_000
 """Maximum size of a text file with a small matrix; 16 numbers take 400 bytes."""
+NAMED_FRAMES = 3
+"""Number of frames that a line about several frames names."""
 
 
 class Frame(Protocol):
@@ -55,6 +52,10 @@ class Frame(Protocol):
             ValueError: A file is damaged or does not fit the camera; the message names it.
         """
         ...
+
+
+Entry = TypeVar("Entry")
+FrameKind = TypeVar("FrameKind", bound=Frame)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,8 @@ class Dataset:
         name: Name of its folder or file.
         frames: Frames with poses.
         skipped: Frames that cannot be used: name and reason, one line each.
+        missing: Frames whose images do not exist, as lines of the same form. They are no sign of a
+            damaged data set: users delete images, or copy only some.
         points: Points of the scene; None if the data set has none.
         unposed: Frames without a pose; the pose of their cameras is the identity.
         why_unposed: Reason why they have none.
@@ -104,71 +107,61 @@ class Dataset:
     points: PointCloud | None = None
     unposed: tuple[Frame, ...] = ()
     why_unposed: str = "it has no pose"
-
-
-@dataclass(frozen=True, eq=False)
-class ImageFrame:
-    """A frame stored as image files.
-
-    Args:
-        rgb: Colour image, of any format that Pillow reads.
-        camera: Intrinsics and pose of the colour image.
-        depth: 16-bit image of z in the camera frame; None without depth.
-        depth_unit_m: Metres of one step of the depth image.
-        depth_invalid: Value besides 0 that means no measurement; None if there is none.
-        time_s: Time stamp, s.
-        depth_camera: Intrinsics and pose of the depth image; None if it is registered.
-        lens: Distortion of the colour image and of registered depth, undone when the frame is
-            read; None for a pinhole.
-        instances: 16-bit image: 1 + index of the object in `types`, 0 for no object; None without
-            labels. An undistorted image keeps no labels.
-        types: Types of the objects, such as "Mug".
-        longer_name: Unique name where the name of the file is not unique; else "".
-    """
-
-    rgb: Path
-    camera: Camera
-    depth: Path | None = None
-    depth_unit_m: float = 0.001
-    depth_invalid: int | None = None
-    time_s: float = 0.0
-    depth_camera: Camera | None = None
-    lens: Lens | None = None
-    instances: Path | None = None
-    types: tuple[str, ...] = ()
-    longer_name: str = ""
+    missing: tuple[str, ...] = ()
 
     @property
-    def name(self) -> str:
-        """Name of the colour image without its ending, or `longer_name`."""
-        return self.longer_name or self.rgb.stem
+    def left_out(self) -> tuple[str, ...]:
+        """Lines of all frames that are left out: `skipped` and `missing`."""
+        return self.skipped + self.missing
 
-    def read(self) -> RgbdFrame:
-        """Read the images; see `Frame.read`."""
-        size = (self.camera.height, self.camera.width)
-        labels = None if self.instances is None or self.lens is not None else self._labels(size)
-        rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
-        mask = None
-        if self.lens is not None:
-            rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
-        if self.depth is None:
-            depth = np.zeros(size, np.float32)
-            return RgbdFrame(rgb, depth, self.camera, self.time_s, None, mask, labels)
-        beside = self.camera if self.depth_camera is None else self.depth_camera
-        steps = read_image(self.depth, "I", (beside.height, beside.width))
-        depth = (steps * self.depth_unit_m).astype(np.float32)
-        depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
-        if self.lens is not None and self.depth_camera is None:
-            depth = undistort_depth(depth, self.camera, self.lens)
-        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask, labels)
 
-    def _labels(self, size: tuple[int, int]) -> Labels:
-        assert self.instances is not None
-        rows = read_image(self.instances, "I", size).astype(np.int32) - 1
+def gather(
+    entries: Iterable[tuple[str, Entry]], make: Callable[[Entry], FrameKind]
+) -> tuple[tuple[FrameKind, ...], tuple[str, ...], tuple[str, ...]]:
+    """Make the frames of a data set; those that cannot be used do not stop the others.
+
+    Args:
+        entries: Name of each frame, for messages, and what its frame is made of.
+        make: Makes a frame; raises OSError or ValueError if it cannot be used.
+
+    Returns:
+        `frames`, `skipped` and `missing` of a `Dataset`.
+    """
+    frames: list[FrameKind] = []
+    skipped: list[str] = []
+    missing: list[str] = []
+    for name, entry in entries:
         try:
-            return Labels(rows, self.types)
-        except ValueError as error:
-            raise ValueError(f"{self.instances}: {error}") from None
+            frames.append(make(entry))
+        except MissingImageError as error:
+            missing.append(str(error))
+        except (OSError, ValueError) as error:
+            skipped.append(f"{name}: {error}")
+    return tuple(frames), tuple(skipped), tuple(missing)
+
+
+def join_reasons(left_out: Iterable[str]) -> list[str]:
+    """Join the lines of frames that are left out for the same reason.
+
+    Args:
+        left_out: Lines of the form "name: reason".
+
+    Returns:
+        A line for each reason, the most frequent first; of many frames, it names the first.
+    """
+    names: dict[str, list[str]] = {}
+    for line in left_out:
+        name, _, reason = line.partition(": ")
+        names.setdefault(reason, []).append(name)
+    return [
+        f"{first[0]}: {reason}" if len(first) == 1 else _line_of_many(first, reason)
+        for reason, first in sorted(names.items(), key=lambda item: -len(item[1]))
+    ]
+
+
+def _line_of_many(names: list[str], reason: str) -> str:
+    more = ", ..." if len(names) > NAMED_FRAMES else ""
+    return f"{len(names)} frames ({', '.join(names[:NAMED_FRAMES])}{more}): {reason}"
 
 
 def reason_of(error: Exception) -> str:
@@ -187,33 +180,6 @@ def name_of(path: Path) -> str:
         path: Path of the folder.
     """
     return path.resolve().name if path.name in ("", "..") else path.name
-
-
-def with_unique_names(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:
-    """Return frames whose names are unique: their path in the folder where file names repeat.
-
-    Args:
-        frames: Frames of one data set.
-        folder: Folder of the data set.
-
-    Returns:
-        The frames in the same order; only frames of the same image file still share a name.
-    """
-    named = tuple(frames)
-    for with_ending in (False, True):
-        counts = Counter(frame.name for frame in named)
-        named = tuple(
-            replace(frame, longer_name=_path_in(folder, frame.rgb, with_ending))
-            if counts[frame.name] > 1
-            else frame
-            for frame in named
-        )
-    return named
-
-
-def _path_in(folder: Path, file: Path, with_ending: bool) -> str:
-    path = os.path.relpath(file if with_ending else file.with_suffix(""), folder)
-    return Path(path).as_posix()
 
 
 def pinhole(
@@ -253,6 +219,21 @@ def pinhole(
     )
 
 
+def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """Return a camera that shows the same with another number of pixels.
+
+    Args:
+        camera: A camera.
+        size: Width and height of the other image, px.
+
+    Raises:
+        ValueError: A side is not within 1 to `MAX_SIDE_PX`.
+    """
+    x, y = size[0] / camera.width, size[1] / camera.height
+    intrinsics = (x * camera.fx, y * camera.fy, x * camera.cx, y * camera.cy)
+    return pinhole(intrinsics, size, camera.world_from_camera)
+
+
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the nearest rigid transform to a pose that was written with few digits.
 
@@ -277,58 +258,6 @@ def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, matrix[:3, 3]
     return pose
-
-
-def image_size(path: Path) -> tuple[int, int]:
-    """Read width and height of an image file, px.
-
-    Args:
-        path: Image file.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is not an image.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            return image.size
-    except UnidentifiedImageError:
-        raise ValueError(f"{path}: not an image") from None
-    except OSError:
-        raise
-    except Exception as error:  # Pillow raises errors of any kind for damage.
-        raise ValueError(f"{path}: {reason_of(error)}") from None
-
-
-def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
-    """Read the pixels of an image file.
-
-    Args:
-        path: Image file.
-        mode: Mode of Pillow to convert to, such as "RGB" or "I".
-        size: Expected height and width, px.
-
-    Returns:
-        [H,W] or [H,W,C] pixels.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is damaged, too large or of another size.
-    """
-    width, height = image_size(path)
-    if (height, width) != size:
-        raise ValueError(f"{path}: {width} x {height} px, expected {size[1]} x {size[0]} px")
-    if width * height > MAX_PIXELS:
-        raise ValueError(f"{path}: {width} x {height} px, at most {MAX_PIXELS} pixels are read")
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert(mode))
-    except Exception as error:  # As above.
-        raise ValueError(f"{path}: {reason_of(error)}") from None
 
 
 def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:

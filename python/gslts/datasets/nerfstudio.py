@@ -12,23 +12,21 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from gslts.datasets.dataset import (
-    MAX_LIST_BYTES,
     MAX_SIDE_PX,
     Dataset,
-    ImageFrame,
-    image_size,
+    gather,
     name_of,
     pinhole,
     rigid,
-    with_unique_names,
 )
+from gslts.datasets.files import first_error, image_file, read_json
+from gslts.datasets.image_frame import ImageFrame, image_size, with_unique_names
+from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.datasets.undistort import Lens, lens_or_none
 
-OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
-"""[4,4] change of camera axes: y and z point the other way."""
 OBJECTS = "objects.json"
 """File with the types of the labelled objects."""
 PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
@@ -75,10 +73,6 @@ class _Object(BaseModel):
     objectType: str  # noqa: N815
 
 
-_OBJECTS = TypeAdapter(list[_Object])
-"""Parser of `objects.json`."""
-
-
 class _File(_Intrinsics):
     camera_model: str = "OPENCV"
     depth_unit_scale_factor: Annotated[FiniteFloat, Field(gt=0)] = 0.001
@@ -105,43 +99,39 @@ def open_nerfstudio(path: Path) -> Dataset:
         ValueError: The file is damaged, or its lens model is not supported.
     """
     file = path / "transforms.json"
-    if file.stat().st_size > MAX_LIST_BYTES:
-        raise ValueError(f"{file}: larger than {MAX_LIST_BYTES >> 20} MiB")
-    try:
-        content = _File.model_validate_json(file.read_bytes())
-    except ValidationError as error:
-        raise ValueError(f"{file}: {_first(error)}") from None
+    content = read_json(file, _File)
     if content.camera_model not in (*PERSPECTIVE, FISHEYE):
         raise ValueError(f"{file}: camera_model {content.camera_model} is not supported")
-    frames: list[ImageFrame] = []
-    unposed: set[Path] = set()
-    skipped: list[str] = []
     types = _types(path / OBJECTS)
-    for number, entry in enumerate(content.frames):
+    unposed: set[Path] = set()
+
+    def make(entry: tuple[int, Any]) -> ImageFrame:
+        number, values = entry
         try:
-            frame = _Frame.model_validate({**_merge_shared(content), **_dict(entry)})
-            frames.append(_image_frame(path, frame, content, number, types))
-            if frame.transform_matrix is None:
-                unposed.add(frames[-1].rgb)
+            frame = _Frame.model_validate({**_merge_shared(content), **_dict(values)})
         except ValidationError as error:
-            skipped.append(f"frames[{number}]: {_first(error)}")
-        except (OSError, ValueError) as error:
-            skipped.append(f"frames[{number}]: {error}")
+            raise ValueError(first_error(error)) from None
+        made = _image_frame(path, frame, content, number, types)
+        if frame.transform_matrix is None:
+            unposed.add(made.rgb)
+        return made
+
+    entries = ((f"frames[{entry[0]}]", entry) for entry in enumerate(content.frames))
+    frames, skipped, missing = gather(entries, make)
     named = with_unique_names(frames, path)
     return Dataset(
         name_of(path),
         tuple(frame for frame in named if frame.rgb not in unposed),
-        tuple(skipped),
+        skipped,
         unposed=tuple(frame for frame in named if frame.rgb in unposed),
+        missing=missing,
     )
 
 
 def _image_frame(
     path: Path, frame: _Frame, content: _File, number: int, types: tuple[str, ...]
 ) -> ImageFrame:
-    rgb = path / frame.file_path
-    if not rgb.name:
-        raise ValueError(f"file_path: {frame.file_path!r} is not a file")
+    rgb = image_file(path, frame.file_path)
     width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
     fx = frame.fl_x
     if fx is None:
@@ -159,7 +149,9 @@ def _image_frame(
         height / 2 if frame.cy is None else frame.cy,
     )
     camera = pinhole(intrinsics, (width, height), pose)
-    depth = None if frame.depth_file_path is None else path / frame.depth_file_path
+    depth = None
+    if frame.depth_file_path is not None:
+        depth = image_file(path, frame.depth_file_path, "depth image")
     return ImageFrame(
         rgb,
         camera,
@@ -182,12 +174,7 @@ def _types(path: Path) -> tuple[str, ...]:
     """Read the types of the objects; none without such a file."""
     if not path.exists():
         return ()
-    if path.stat().st_size > MAX_LIST_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_LIST_BYTES >> 20} MiB")
-    try:
-        return tuple(item.objectType for item in _OBJECTS.validate_json(path.read_bytes()))
-    except ValidationError as error:
-        raise ValueError(f"{path}: {_first(error)}") from None
+    return tuple(item.objectType for item in read_json(path, list[_Object]))
 
 
 def _lens(frame: _Frame, fisheye: bool) -> Lens | None:
@@ -207,12 +194,3 @@ def _dict(entry: Any) -> dict[str, Any]:
     if not isinstance(entry, dict):
         raise ValueError(f"expected an object, got {json.dumps(entry)[:40]}")
     return entry
-
-
-def _first(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
-    value = first["input"]
-    if not where or not isinstance(value, str | int | float):  # Others may be as long as the file.
-        return f"{where or 'file'}: {first['msg']}"
-    return f"{where}: {first['msg']}, got {value!r:.40}"

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from gslts.core.se3 import rotation, rotation_of_quat, rotation_vector
 from gslts.types import Floats
 
+OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+"""[4,4] change of camera axes: y and z point the other way."""
 LENGTH_TOLERANCE = 0.01
 """Maximum error of the length of a unit quaternion, as files write few digits."""
 
@@ -36,6 +38,22 @@ def pose_from_quat(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
     pose[:3, :3] = rotation_of_quat(np.asarray(wxyz, np.float64))
     pose[:3, 3] = translation
     return pose
+
+
+def pose_from_numbers(numbers: Floats) -> Floats:
+    """Return the rigid transform of a row of numbers, as trajectories store it.
+
+    Args:
+        numbers: (7,) x y z, m, and the quaternion x y z w.
+
+    Returns:
+        [4,4] rigid transform.
+
+    Raises:
+        ValueError: See `pose_from_quat`.
+    """
+    x, y, z, w = numbers[3:]
+    return pose_from_quat((w, x, y, z), numbers[:3])
 
 
 def inverse(pose: Floats) -> Floats:

@@ -13,7 +13,8 @@ from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
-from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
+from gslts.datasets.nerfstudio import OBJECTS
+from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
 
 SAVE_INTERVAL = 10

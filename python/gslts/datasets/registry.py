@@ -8,9 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from gslts.datasets.colmap import is_colmap, open_colmap
-from gslts.datasets.dataset import Dataset
+from gslts.datasets.dataset import Dataset, join_reasons
 from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
+from gslts.datasets.polycam import is_polycam, open_polycam
+from gslts.datasets.record3d import is_record3d, open_record3d
+from gslts.datasets.replica import is_replica, open_replica
 from gslts.datasets.ros.dataset import is_rosbag, open_rosbag
+from gslts.datasets.rtabmap import is_rtabmap, open_rtabmap
+from gslts.datasets.scannet import is_scannet, open_scannet
+from gslts.datasets.sens import is_sens, open_sens
 from gslts.datasets.seven_scenes import is_seven_scenes, open_seven_scenes
 from gslts.datasets.tum import is_tum, open_tum
 
@@ -20,6 +26,12 @@ FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
     "tum": (is_tum, open_tum),
     "colmap": (is_colmap, open_colmap),
     "rosbag": (is_rosbag, open_rosbag),
+    "record3d": (is_record3d, open_record3d),
+    "polycam": (is_polycam, open_polycam),
+    "rtabmap": (is_rtabmap, open_rtabmap),
+    "scannet": (is_scannet, open_scannet),
+    "sens": (is_sens, open_sens),
+    "replica": (is_replica, open_replica),
 }
 """Name of each format, its test of a path, and its reader; the first that matches is used."""
 
@@ -46,7 +58,7 @@ def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset
         if matches(path):
             dataset = _select_usable(open_path(path), posed)
             if len(dataset.frames) < MIN_FRAMES:
-                why = f"; {dataset.skipped[0]}" if dataset.skipped else ""
+                why = "".join(f"; {line}" for line in join_reasons(dataset.left_out)[:1])
                 if len(dataset.unposed) >= MIN_FRAMES:
                     why += "; gslts map --poses estimate finds poses by the images"
                 raise ValueError(

@@ -13,15 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from gslts.core.camera import Camera
-from gslts.datasets.dataset import (
-    Dataset,
-    ImageFrame,
-    image_size,
-    name_of,
-    pinhole,
-    read_numbers,
-    rigid,
-)
+from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, read_numbers, rigid
+from gslts.datasets.files import MissingImageError
+from gslts.datasets.image_frame import ImageFrame, image_size
 from gslts.types import Floats
 
 NO_DEPTH = 65535
@@ -58,32 +52,29 @@ def open_seven_scenes(path: Path) -> Dataset:
     """
     intrinsics = path / "camera-intrinsics.txt"
     matrix = read_numbers(intrinsics, (3, 3)) if intrinsics.exists() else None
-    frames: list[ImageFrame] = []
-    skipped: list[str] = []
     poses = sorted(path.glob("frame-*.pose.txt"))
-    named = poses or sorted(path.glob("frame-*.color.*"))
-    for stem in (file.name.split(".")[0] for file in named):
-        try:
-            rgb = next(path.glob(f"{stem}.color.*"), None)
-            if rgb is None:
-                raise ValueError("there is no colour image")
-            size = image_size(rgb)
-            depth = path / f"{stem}.depth.png"
-            pose = rigid(read_numbers(path / f"{stem}.pose.txt", (4, 4))) if poses else np.eye(4)
-            frames.append(
-                ImageFrame(
-                    rgb,
-                    _color_camera(size, pose @ np.linalg.inv(COLOR_FROM_DEPTH)),
-                    depth if depth.exists() else None,
-                    depth_invalid=NO_DEPTH,
-                    time_s=float(len(frames)),
-                    depth_camera=_depth_camera(size, pose, matrix),
-                )
-            )
-        except (OSError, ValueError) as error:
-            skipped.append(f"{stem}: {error}")
-    posed, unposed = (tuple(frames), ()) if poses else ((), tuple(frames))
-    return Dataset(name_of(path), posed, tuple(skipped), unposed=unposed)
+    stems = [file.name.split(".")[0] for file in poses or sorted(path.glob("frame-*.color.*"))]
+
+    def make(entry: tuple[int, str]) -> ImageFrame:
+        number, stem = entry
+        rgb = next(path.glob(f"{stem}.color.*"), None)
+        if rgb is None:
+            raise MissingImageError(f"{stem}.color.*", "image")
+        size = image_size(rgb)
+        depth = path / f"{stem}.depth.png"
+        pose = rigid(read_numbers(path / f"{stem}.pose.txt", (4, 4))) if poses else np.eye(4)
+        return ImageFrame(
+            rgb,
+            _color_camera(size, pose @ np.linalg.inv(COLOR_FROM_DEPTH)),
+            depth if depth.exists() else None,
+            depth_invalid=NO_DEPTH,
+            time_s=float(number),
+            depth_camera=_depth_camera(size, pose, matrix),
+        )
+
+    frames, skipped, missing = gather(zip(stems, enumerate(stems), strict=True), make)
+    posed, unposed = (frames, ()) if poses else ((), frames)
+    return Dataset(name_of(path), posed, skipped, unposed=unposed, missing=missing)
 
 
 def _color_camera(size: tuple[int, int], pose: Floats) -> Camera:

@@ -9,16 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.datasets.dataset import (
-    MAX_LIST_BYTES,
-    Dataset,
-    ImageFrame,
-    image_size,
-    name_of,
-    pinhole,
-    with_unique_names,
-)
-from gslts.datasets.poses import pose_from_quat
+from gslts.datasets.dataset import Dataset, gather, name_of, pinhole
+from gslts.datasets.files import image_file, read_rows
+from gslts.datasets.image_frame import ImageFrame, image_size, with_unique_names
+from gslts.datasets.poses import pose_from_numbers
 from gslts.types import Floats
 
 DEPTH_UNIT_M = 1 / 5000
@@ -61,32 +55,34 @@ def open_tum(path: Path) -> Dataset:
     """
     trajectory = path / "groundtruth.txt"
     is_posed = trajectory.exists()
-    names, bad_names = _good_rows(path / "rgb.txt", 2)
-    depth_rows, bad_depths = _good_rows(path / "depth.txt", 2)
-    pose_rows, bad_poses = _good_rows(trajectory, 8) if is_posed else ([], [])
+    names, bad_names = _good_rows(path / "rgb.txt", 2, 1)
+    depth_rows, bad_depths = _good_rows(path / "depth.txt", 2, 1)
+    pose_rows, bad_poses = _good_rows(trajectory, 8, 8) if is_posed else ([], [])
     depth_times, pose_times = (_times(rows) for rows in (depth_rows, pose_rows))
     poses = np.array([row[1:] for row in pose_rows], np.float64).reshape(-1, 7)
     folder = f"{path.name} {path.resolve().name}"  # A link may have a name of its own.
-    frames: list[ImageFrame] = []
-    skipped: list[str] = []
-    for time, name in names:
-        try:
-            time_s = float(time)
-            depth = _nearest(depth_times, time_s, "depth image")
-            pose = _pose(poses[_nearest(pose_times, time_s, "pose")]) if is_posed else np.eye(4)
-            size = image_size(path / name)
-            camera = pinhole(_intrinsics(folder, size), size, pose)
-        except (OSError, ValueError) as error:
-            skipped.append(f"{name}: {error}")
-            continue
-        depth_path = path / depth_rows[depth][1]
-        frames.append(ImageFrame(path / name, camera, depth_path, DEPTH_UNIT_M, time_s=time_s))
+
+    def make(row: list[str]) -> ImageFrame:
+        time_s, rgb = float(row[0]), image_file(path, row[1])
+        depth = _nearest(depth_times, time_s, "depth image")
+        pose = (
+            pose_from_numbers(poses[_nearest(pose_times, time_s, "pose")])
+            if is_posed
+            else np.eye(4)
+        )
+        size = image_size(rgb)
+        camera = pinhole(_intrinsics(folder, size), size, pose)
+        depth_path = image_file(path, depth_rows[depth][1], "depth image")
+        return ImageFrame(rgb, camera, depth_path, DEPTH_UNIT_M, time_s=time_s)
+
+    frames, skipped, missing = gather(((row[1], row) for row in names), make)
     named = with_unique_names(frames, path)
     return Dataset(
         name_of(path),
         named if is_posed else (),
         (*skipped, *bad_names, *_summary(bad_depths), *_summary(bad_poses)),
         unposed=() if is_posed else named,
+        missing=missing,
     )
 
 
@@ -104,12 +100,12 @@ def read_trajectory(path: Path) -> list[Floats]:
         ValueError: A line is not eight numbers, or its quaternion does not have length 1.
     """
     poses = []
-    rows, bad_lines = _rows(path, 8)
+    rows, bad_lines = read_rows(path, 8, 8)
     if bad_lines:
         raise ValueError(f"{path}: {bad_lines[0]}")
     for number, row in enumerate(rows):
         try:
-            poses.append(_pose(np.array(row[1:], np.float64)))
+            poses.append(pose_from_numbers(np.array(row[1:], np.float64)))
         except ValueError as error:
             raise ValueError(f"{path}: pose {number}: {error}") from None
     return poses
@@ -128,9 +124,9 @@ def _intrinsics(folder: str, size: tuple[int, int]) -> tuple[float, ...]:
     return scale * fx, scale * fy, scale * (cx + 0.5), scale * (cy + 0.5)
 
 
-def _good_rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
-    """Read rows as `_rows`; errors name the file, and a file without a good line is an error."""
-    rows, bad = _rows(path, columns)
+def _good_rows(path: Path, columns: int, numbers: int) -> tuple[list[list[str]], list[str]]:
+    """Read rows; errors name the file, and a file without a good line is an error."""
+    rows, bad = read_rows(path, columns, numbers)
     if bad and not rows:
         raise ValueError(f"{path}: no line can be used; {bad[0]}")
     return rows, [f"{path.name}: {reason}" for reason in bad]
@@ -139,31 +135,6 @@ def _good_rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
 def _summary(bad: list[str]) -> list[str]:
     """Return the first of many damaged lines, with the number of the others."""
     return [f"{bad[0]}, and {len(bad) - 1} lines more" if len(bad) > 1 else bad[0]] if bad else []
-
-
-def _rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
-    """Return the words of each line but comments, and the errors of damaged lines."""
-    if path.stat().st_size > MAX_LIST_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_LIST_BYTES >> 20} MiB")
-    rows, bad = [], []
-    text = path.read_text(encoding="utf-8", errors="replace")
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        numbers = words[:1] if columns == 2 else words  # Lists of images: time and name.
-        if len(words) != columns or not all(map(_is_finite, numbers)):
-            bad.append(f"line {number}: {line[:80]!r} is not {columns} values")
-        else:
-            rows.append(words)
-    return rows, bad
-
-
-def _is_finite(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
 
 
 def _times(rows: list[list[str]]) -> Floats:
@@ -176,9 +147,3 @@ def _nearest(times: Floats, time_s: float, what: str) -> int:
     if len(times) == 0 or gaps_s.min() > MAX_GAP_S:
         raise ValueError(f"there is no {what} within {MAX_GAP_S:g} s")
     return int(gaps_s.argmin())
-
-
-def _pose(numbers: Floats) -> Floats:
-    """Return the pose [4,4] of tx ty tz qx qy qz qw."""
-    x, y, z, w = numbers[3:]
-    return pose_from_quat((w, x, y, z), numbers[:3])

@@ -184,7 +184,7 @@ def read_usable(
     """Read all frames that can be used.
 
     A frame is left out if it cannot be read, if another frame has its name, or if it has no depth
-    in a data set where nearly all frames have some.
+    in a data set where nearly all frames have some. Missing images are named and no error.
 
     Args:
         dataset: Data set to read.
@@ -217,7 +217,7 @@ def read_usable(
         for name in without_depth:
             bad.append(f"{name}: depth is measured nowhere")
             del frames[name]
-    return frames, tuple(bad)
+    return frames, (*bad, *dataset.missing)
 
 
 def require_memory(dataset: str, frames: Sequence[Frame]) -> None:

@@ -16,6 +16,7 @@ from gslts.change.config import DetectionConfig
 from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
 from gslts.keeper.config import KeeperConfig
+from gslts.keeper.describe import describe_keeper
 from gslts.keeper.errand import run_errand
 from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.localization.config import RelocalizationConfig
@@ -39,6 +40,7 @@ from gslts.ros.statuses import Status
 from gslts.ros.waiting import WaitingChanges
 from gslts.store.history import open_history
 from gslts.types import Floats
+from gslts.viewer.beside import viewer_beside
 
 if TYPE_CHECKING:
     from gslts.ros.goals import Goals  # These two need ROS.
@@ -195,15 +197,19 @@ class Operation:
         recorder = None if config.record is None else Recorder(config.record, self._problems)
         keeper_config = _keeper_config(config)
         waiting = WaitingChanges(keeper_config.update.collect.steps + 1)
-        with MapKeeper(
-            config.map_path,
-            keeper_config,
-            should_stop=self._stop.is_set,
-            log=self._say,
-        ) as keeper:
+        with (
+            viewer_beside(config.map_path, config.view) as show,
+            MapKeeper(
+                config.map_path,
+                keeper_config,
+                should_stop=self._stop.is_set,
+                log=self._say,
+            ) as keeper,
+        ):
 
             def on_judged(judged: Judged, is_key: bool) -> None:
                 self._publishing.judged(judged, keeper.gaussian_map)
+                show(judged.frame, describe_keeper(keeper))
                 if is_key and recorder is not None:
                     recorder.add(judged.frame)
 

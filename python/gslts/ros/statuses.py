@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from gslts.core.memory import STATM, resident_mib
 from gslts.ros.intake import Counts
 
 Level = Literal["ok", "warn", "error", "stale"]
-
-STATM = Path("/proc/self/statm")
-"""Memory of this process on Linux, pages."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +66,7 @@ def statuses(
 
 def memory_status() -> Status:
     """Report the resident memory of this process; stale where the system does not say it."""
-    try:
-        pages = int(STATM.read_text(encoding="ascii").split()[1])
-    except OSError:
+    mib = resident_mib()
+    if mib is None:
         return Status("memory", "stale", f"{STATM} cannot be read")
-    mib = pages * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
     return Status("memory", "ok", f"{mib:.0f} MiB", {"resident (MiB)": mib})

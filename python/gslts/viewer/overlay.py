@@ -20,6 +20,9 @@ GONE: Color = (230, 30, 30)
 MOVED: Color = (255, 150, 0)
 FOUND: Color = (0, 140, 255)
 """Colours of boxes: what came, what is gone, what moved or was shifted, and answers."""
+CAMERA: Color = (90, 90, 90)
+ROBOT: Color = (190, 0, 220)
+"""Colours of cameras of the map, and of a robot and its path."""
 LINE_PX = 2.5
 """Width of lines, px."""
 CAMERA_M = 0.12
@@ -65,6 +68,16 @@ class Overlay:
             thickness_units="screen",
         )
         self._groups[group].append(handle)
+
+    def path(self, group: str, points: Floats, color: Color) -> None:
+        """Draw a path.
+
+        Args:
+            group: Name of the group.
+            points: [P,3] in the world, m.
+            color: Of the path.
+        """
+        self.lines(group, np.stack([points[:-1], points[1:]], axis=1), color)
 
     def name(self, group: str, text: str, point: Floats) -> None:
         """Draw a name.
@@ -116,16 +129,17 @@ class Overlay:
             )
             self._groups[group].append(handle)
 
-    def cameras(self, group: str, cameras: Sequence[Camera]) -> None:
+    def cameras(self, group: str, cameras: Sequence[Camera], color: Color = CAMERA) -> None:
         """Draw cameras as pyramids.
 
         Args:
             group: Name of the group.
             cameras: In the world.
+            color: Of the pyramids.
         """
         parts = [_pyramid(camera) for camera in cameras]
         if parts:
-            self.lines(group, np.concatenate(parts), (90, 90, 90))
+            self.lines(group, np.concatenate(parts), color)
 
     def _new_name(self, group: str) -> str:
         drawn = self._groups.setdefault(group, [])

@@ -6,20 +6,22 @@ import logging
 import threading
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from gslts.core.se3 import rotation_of_quat
-from gslts.navigation.semantic_map_files import draw_semantic_map
-from gslts.semantics.queries import Instance
 from gslts.store.describe import describe_event
 from gslts.store.records import Track
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell
-from gslts.viewer.overlay import CAME, FOUND, MOVED, Overlay
+from gslts.viewer.divider import Divider
+from gslts.viewer.live import LiveFrame
+from gslts.viewer.overlay import CAME, FOUND, Overlay
+from gslts.viewer.panel_text import format_size, paragraphs
 from gslts.viewer.picking import is_in_view, surface_point
+from gslts.viewer.query_panel import QueryPanel
+from gslts.viewer.robot_panel import RobotPanel
 from gslts.viewer.splats import Splats
 from gslts.viewer.viewed_map import ViewedMap
 
@@ -28,8 +30,6 @@ FIRST_GAUSSIANS = 50_000
 all it has after each message: with more messages, all of a large map show later."""
 REST_S = 0.3
 """Time without a move after which colours are computed for the new direction, s."""
-MAX_TEXT = 200
-"""Maximum length of a query; longer ones are cut."""
 NO_EVENT = "..."
 """First entry of the list of object changes."""
 
@@ -49,7 +49,7 @@ class Page:
         self._overlay = Overlay(client.scene, viewed.origin)
         self._splats = Splats(client.scene)
         self._shown = 0
-        self._answers: list[Instance] = []
+        self._robot: RobotPanel | None = None
         self._tasks: dict[str, Callable[[], None]] = {}
         self._changed = threading.Condition()
         self._is_open = True
@@ -85,7 +85,16 @@ class Page:
             problem: In words; "" for none.
         """
         lines = [problem] if problem else []
-        self.post("problem", lambda: setattr(self._map_problem, "content", _paragraphs(lines)))
+        self.post("problem", lambda: setattr(self._map_problem, "content", paragraphs(lines)))
+
+    def show_robot(self, live: LiveFrame, path: Sequence[Floats]) -> None:
+        """Show a frame of the robot.
+
+        Args:
+            live: The frame.
+            path: (3,) positions of the robot so far, the newest last, m.
+        """
+        self.post("robot", lambda: self._show_robot(live, path))
 
     def _work(self) -> None:
         while True:
@@ -102,7 +111,7 @@ class Page:
             except Exception:  # Whatever a page sends, the next wish is heard.
                 _logger.exception("%s: a page asked for what failed", self._map.name)
             if self._is_open:
-                self._problem.content = _paragraphs(problem)
+                self._problem.content = paragraphs(problem)
 
     def _begin(self) -> None:
         position, target, self._client.camera.fov = self._map.first_view()
@@ -126,27 +135,34 @@ class Page:
             )
             self._event = gui.add_dropdown("Go to", self._events())
             self._images = gui.add_html("")
+            self._divider = Divider(
+                self._client,
+                self._map,
+                lambda: (min(int(self._before.value), self._map.newest), self._shown),
+                self._connect,
+                self._splats.hide,
+            )
+            self._boxes = gui.add_checkbox("Boxes", True)
             self._cameras = gui.add_checkbox("Cameras", False)
         with gui.add_folder("Object"):
-            self._object = gui.add_html(_paragraphs(["Click on anything."]))
-        with gui.add_folder("Words"):
-            self._text = gui.add_text("Find", "")
-            find, go = gui.add_button("Find"), gui.add_button("Path there")
-            self._answer = gui.add_html("")
-        with gui.add_folder("Plan", expand_by_default=False):
-            draw = gui.add_button("Draw")
-            self._plan_image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), visible=False)
+            self._object = gui.add_html(paragraphs(["Click on anything."]))
+        QueryPanel(
+            gui,
+            self._map,
+            self._overlay,
+            lambda: self._shown,
+            lambda: self._eye + self._map.origin,
+            self._connect,
+        )
         for control, name, task in (
             (self._slider.on_update, "show", self._show_version),
             (self._before.on_update, "changes", self._show_changes),
             (self._event.on_update, "event", self._show_event),
+            (self._boxes.on_update, "changes", self._show_changes),
             (self._cameras.on_update, "cameras", self._show_cameras),
             (self._following.on_update, "follow", self._follow),
             (play.on_click, "play", self._play),
-            (find.on_click, "find", self._find),
-            (go.on_click, "find", self._go),
-            (draw.on_click, "plan", lambda: self._draw_plan(None)),
-            (self._client.camera.on_update, "colors", self._recolor),
+            (self._client.camera.on_update, "camera", self._on_camera),
         ):
             self._connect(control, name, task)
 
@@ -177,7 +193,7 @@ class Page:
         number = self._number
         self._show_blocks(self._map.blocks(number))
         is_new, self._shown = number != self._shown, number
-        self._described.content = _paragraphs(self._map.describe(number))
+        self._described.content = paragraphs(self._map.describe(number))
         if is_new:
             self._before.value = max(1, number - 1)
             self._overlay.clear("object")
@@ -201,10 +217,11 @@ class Page:
                 self._splats.remove_others(blocks)
             self._client.flush()
 
-    def _recolor(self) -> None:
+    def _on_camera(self) -> None:
         with self._changed:  # Until the camera rests, or something else is asked for.
             if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=REST_S):
                 return
+        self._divider.update()
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
             self._show_blocks(self._map.blocks(self._shown))
 
@@ -236,8 +253,10 @@ class Page:
     def _show_changes(self) -> None:
         self._overlay.clear("changes")
         before = min(int(self._before.value), self._map.newest)
-        for track, event in self._map.changes(before, self._shown).values():
-            self._overlay.event("changes", event, track.name)
+        if self._boxes.value:
+            for track, event in self._map.changes(before, self._shown).values():
+                self._overlay.event("changes", event, track.name)
+        self._divider.update()
         self._show_images(self._shown)
 
     def _show_images(self, number: int) -> None:
@@ -268,7 +287,7 @@ class Page:
         if views:
             camera = min(views, key=lambda view: view[0])[1]
             position = camera.world_from_camera[:3, 3]
-            self._look(position - self._map.origin, point - self._map.origin)
+            self._look_in_world(position, point)
 
     def _look(self, position: Floats, target: Floats) -> None:
         camera = self._client.camera
@@ -276,6 +295,16 @@ class Page:
             camera.up_direction = (0.0, 0.0, 1.0)
             camera.position = position
             camera.look_at = target
+
+    def _show_robot(self, live: LiveFrame, path: Sequence[Floats]) -> None:
+        if self._robot is None:
+            self._robot = RobotPanel(
+                self._client.gui, self._map, self._overlay, self._look_in_world
+            )
+        self._robot.show(live, path)
+
+    def _look_in_world(self, position: Floats, target: Floats) -> None:
+        self._look(position - self._map.origin, target - self._map.origin)
 
     def _show_cameras(self) -> None:
         self._overlay.clear("cameras")
@@ -288,14 +317,14 @@ class Page:
             self._map.gaussians(self._shown), origin + self._map.origin, direction
         )
         if point is None:
-            self._object.content = _paragraphs(["Nothing is there."])
+            self._object.content = paragraphs(["Nothing is there."])
             return
         track = self._map.track_at(self._shown, point)
         lines = None if track is None else self._show_track(track)
         if lines is None and self._map.has_words(self._shown):
             lines = self._show_named(point)
         position = f"({', '.join(f'{x:.2f}' for x in point)}) m"
-        self._object.content = _paragraphs([*(lines or ["Nothing known by a name."]), position])
+        self._object.content = paragraphs([*(lines or ["Nothing known by a name."]), position])
 
     def _show_track(self, track: Track) -> list[str]:
         box = track.events[-1].boxes[1]
@@ -307,7 +336,7 @@ class Page:
         since = [event for event in track.events if event.kind != "shift"]
         first = f"there since version {since[-1].version}" if since else "there since version 1"
         lines = [f"{event.version}: {describe_event(event, track.name)}" for event in track.events]
-        return [f"{track.name}, {_format_size(*box)}, {first}", *lines[::-1]]
+        return [f"{track.name}, {format_size(*box)}, {first}", *lines[::-1]]
 
     def _show_named(self, point: Floats) -> list[str] | None:
         found = self._map.name_at(self._shown, point)
@@ -317,51 +346,8 @@ class Page:
         if instance is None:
             return [name]
         self._overlay.box("object", (instance.low, instance.high), FOUND, name)
-        size = _format_size(instance.low, instance.high)
+        size = format_size(instance.low, instance.high)
         return [f"{name}, {size}, score {instance.score:.2f}", "no change is known of it"]
-
-    def _find(self) -> None:
-        text = str(self._text.value)[:MAX_TEXT]
-        self._overlay.clear("words")
-        self._answers = self._map.find(self._shown, text)
-        for answer in self._answers:
-            label = f"{text} {answer.score:.2f}"
-            self._overlay.box("words", (answer.low, answer.high), FOUND, label)
-        lines = [
-            f"{answer.score:.2f}: {_format_size(answer.low, answer.high)}"
-            for answer in self._answers
-        ]
-        self._answer.content = _paragraphs(lines or [f"{text}: not found"])
-
-    def _go(self) -> None:
-        self._find()
-        if not self._answers:
-            return
-        start = (self._eye + self._map.origin)[:2]
-        path = self._map.path(self._shown, start, self._answers)
-        if path.reason:
-            self._answer.content += _paragraphs([f"no path from here: {path.reason}"])
-            return
-        floor_m = self._map.plan(self._shown).floor_m + 0.05
-        points = np.column_stack([path.points, np.full(len(path.points), floor_m)])
-        self._overlay.lines("words", np.stack([points[:-1], points[1:]], axis=1), MOVED)
-        self._answer.content += _paragraphs([f"path from here: {path.length_m:.1f} m"])
-        self._draw_plan(path.points)
-
-    def _draw_plan(self, path: Floats | None) -> None:
-        self._plan_image.image = draw_semantic_map(self._map.plan(self._shown), path)
-        self._plan_image.visible = True
-
-
-def _paragraphs(lines: Sequence[str]) -> str:
-    return "".join(
-        f"<p style='margin:.2em 1em;font-size:.85em;line-height:1.3'>{escape(line)}</p>"
-        for line in lines
-    )
-
-
-def _format_size(low: Sequence[float] | Floats, high: Sequence[float] | Floats) -> str:
-    return " x ".join(f"{size:.2f}" for size in np.subtract(high, low)) + " m"
 
 
 def _priority(offset: Floats, forward: Floats) -> float:

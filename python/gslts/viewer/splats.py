@@ -28,6 +28,7 @@ class Splats:
         self._scene = scene
         self._sent: dict[Cell, tuple[bytes, Bytes]] = {}
         self._handles: dict[Cell, Any] = {}
+        self._is_hidden = False
 
     @property
     def is_empty(self) -> bool:
@@ -65,9 +66,19 @@ class Splats:
                 self._handles[cell].set_gaussians(*arrays)
             else:
                 self._handles[cell] = self._scene.add_gaussian_splats(
-                    f"/map/{cell}", *arrays, scale=UNIT_M
+                    f"/map/{cell}", *arrays, scale=UNIT_M, visible=not self._is_hidden
                 )
             self._sent[cell] = block.digest, colors
+
+    def hide(self, hidden: bool) -> None:
+        """Hide or show all blocks, also those to come.
+
+        Args:
+            hidden: True hides them.
+        """
+        self._is_hidden = hidden
+        for handle in self._handles.values():
+            handle.visible = not hidden
 
     def remove_others(self, blocks: Mapping[Cell, Block]) -> None:
         """Remove all blocks but some.

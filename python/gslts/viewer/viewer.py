@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from pathlib import Path
 from typing import Any, Self
 
+from gslts.types import Floats
 from gslts.viewer.guarded_server import open_server
+from gslts.viewer.live import LiveFrame
 from gslts.viewer.page import Page
 from gslts.viewer.viewed_map import ViewedMap
 
+MAX_PATH = 1_000
+"""Maximum number of positions of the robot's path that are shown: the newest ones."""
 POLL_S = 0.25
 """Time between two questions for a new version, s; one takes a millisecond."""
 
@@ -44,6 +49,7 @@ class Viewer:
         self._map = ViewedMap(folder, clip)
         self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
         self._pages: dict[int, Page] = {}
+        self._path: deque[Floats] = deque(maxlen=MAX_PATH)
         self._server: Any = open_server(host, port, self._map.name, token)
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.get_port()}"
@@ -83,6 +89,16 @@ class Viewer:
             seconds: The time, s.
         """
         self._closing.wait(seconds)
+
+    def show_robot(self, live: LiveFrame) -> None:
+        """Show a frame of a robot on all pages.
+
+        Args:
+            live: The frame.
+        """
+        self._path.append(live.camera.world_from_camera[:3, 3])
+        for page in list(self._pages.values()):
+            page.show_robot(live, list(self._path))
 
     def _follow(self) -> None:
         problem = ""

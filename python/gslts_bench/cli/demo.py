@@ -18,6 +18,9 @@ def demo(
     quick: Annotated[
         bool, typer.Option("--quick", help="Smaller images and shorter refinements.")
     ] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Also show the robot and its map in the browser.")
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Let a simulated robot map a home and keep the map up to date for a day of changes.
@@ -33,6 +36,6 @@ def demo(
         return shown
 
     scale = QUICK if quick else Scale()
-    report = run_day(out, scale, threads=threads, bar=bar, say=tqdm.write)
+    report = run_day(out, scale, threads=threads, bar=bar, say=tqdm.write, view=view)
     typer.echo(f"look at {report.resolve()}")
     typer.echo(f"and at the map and its day: gslts view {out / 'map'}")

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 from recorded_frames import frames_of_robot
+from reprojection import assert_frames_agree
 
 from gslts.core.camera import Camera
 from gslts.datasets import open_dataset
-from gslts.datasets.dataset import ImageFrame, read_image, read_numbers, with_unique_names
+from gslts.datasets.dataset import read_numbers
+from gslts.datasets.image_frame import ImageFrame, read_image, with_unique_names
 from gslts.datasets.posed import with_poses
 
 
@@ -41,6 +43,7 @@ def test_seven_scenes(tmp_path: Path) -> None:
         "frame-000008.color",
         "frame-000016.color",
     ]
+    assert_frames_agree([frame.read() for frame in dataset.frames])
     for frame, expected in zip(dataset.frames, frames, strict=True):
         read = frame.read()
         np.testing.assert_array_equal(read.rgb, expected.rgb)
@@ -160,7 +163,7 @@ def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
         open_dataset(tmp_path / "nowhere")
     with pytest.raises(
         ValueError,
-        match=r"no data set of a known format \(nerfstudio, 7scenes, tum, colmap, rosbag\)",
+        match=r"no data set of a known format \(nerfstudio, 7scenes, tum, colmap, rosbag, ",
     ):
         open_dataset(tmp_path)
     (tmp_path / "transforms.json").write_text("{")
@@ -190,15 +193,13 @@ def test_labels_of_objects_that_there_are_not_are_named(recorded: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["images", "depth"])
-@pytest.mark.parametrize("harm", ["truncated", "garbage", "gone", "small"])
+@pytest.mark.parametrize("harm", ["truncated", "garbage", "small"])
 def test_damaged_images_are_named(recorded: Path, kind: str, harm: str) -> None:
     path = recorded / kind / "00001.png"
     if harm == "truncated":
         path.write_bytes(path.read_bytes()[:-200])
     elif harm == "garbage":
         path.write_bytes(b"no image")
-    elif harm == "gone":
-        path.unlink()
     else:
         with Image.open(path) as image:
             small = image.resize((32, 24))

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_frames import frames_of_robot
+from reprojection import assert_frames_agree
 
 from gslts.datasets import open_dataset
+from gslts.datasets.dataset import join_reasons
 from gslts.datasets.undistort import Lens
 
 
@@ -15,6 +17,7 @@ def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:
     dataset = open_dataset(recorded)
     assert dataset.name == "room"
     assert dataset.skipped == ()
+    assert_frames_agree([frame.read() for frame in dataset.frames])
     for frame, expected in zip(dataset.frames, frames_of_robot(), strict=True):
         read = frame.read()
         np.testing.assert_array_equal(read.rgb, expected.rgb)
@@ -150,7 +153,41 @@ def test_paths_that_name_no_file_are_skipped(recorded: Path) -> None:
         content["frames"].append(content["frames"][0])
 
     dataset = open_dataset(edited(recorded, edit))
-    assert dataset.skipped == tuple(f"frames[{k}]: file_path: '/' is not a file" for k in (1, 2))
+    assert dataset.skipped == tuple(
+        f"frames[{k}]: the name '/' of an image leads out of the data set" for k in (1, 2)
+    )
+
+
+def test_missing_images_are_skipped_and_named(recorded: Path) -> None:
+    def edit(content: dict) -> None:
+        gone = [{**content["frames"][0], "file_path": f"images/{k}.png"} for k in range(17)]
+        content["frames"] += gone
+
+    edited(recorded, edit)
+    (recorded / "depth/00001.png").unlink()
+    dataset = open_dataset(recorded)
+    assert [frame.name for frame in dataset.frames] == ["00000", "00002"]
+    assert dataset.skipped == ()
+    assert dataset.missing[0] == "depth/00001.png: there is no such depth image"
+    assert len(dataset.missing) == 18
+    assert join_reasons(dataset.left_out) == [
+        "17 frames (images/0.png, images/1.png, images/2.png, ...): there is no such image",
+        "depth/00001.png: there is no such depth image",
+    ]
+    (recorded / "depth/00002.png").unlink()
+    with pytest.raises(
+        ValueError, match=r"1 usable frames, .*; 17 frames \(images/0.png, .*\): th"
+    ):
+        open_dataset(recorded)
+
+
+def test_images_outside_of_the_folder_are_not_read(recorded: Path) -> None:
+    secret = recorded.parent / "secret.png"
+    secret.write_bytes((recorded / "images/00001.png").read_bytes())
+    for name in ("../secret.png", "images/../../secret.png", str(secret)):
+        edited(recorded, lambda c, name=name: c["frames"][1].update(file_path=name))
+        (reason,) = open_dataset(recorded).skipped
+        assert reason == f"frames[1]: the name {name!r} of an image leads out of the data set"
 
 
 def test_nerfstudio_has_lenses(recorded: Path) -> None:

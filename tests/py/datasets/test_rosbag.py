@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from recorded_frames import frames_of_robot
+from reprojection import assert_frames_agree
 from robot_bags import (
     BASE_FROM_OPTICAL,
     DEPTH,
@@ -51,6 +52,7 @@ def test_a_robots_bag(tmp_path: Path, storage: str) -> None:
             for name in ("fx", "fy", "cx", "cy", "width", "height"):
                 assert getattr(read.camera, name) == pytest.approx(getattr(expected.camera, name))
     assert [frame.name for frame in dataset.frames][1] == "1700000001.123456789"
+    assert_frames_agree([frame.read() for frame in dataset.frames])
     assert read.time_s == pytest.approx(START_NS * 1e-9)
 
 

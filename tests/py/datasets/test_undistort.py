@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from gslts.core.camera import Camera
-from gslts.datasets.dataset import ImageFrame
+from gslts.datasets.image_frame import ImageFrame
 from gslts.datasets.undistort import Lens, lens_or_none, undistort_depth, undistort_rgb
 
 CAMERA = Camera(

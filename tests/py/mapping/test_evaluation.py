@@ -151,6 +151,16 @@ def test_too_many_bad_frames_are_an_error() -> None:
         read_test_frames(replace(dataset_of(), skipped=()), everything)
 
 
+def test_many_missing_images_are_no_error() -> None:
+    missing = tuple(f"{number}.png: there is no such image" for number in range(17))
+    dataset = replace(dataset_of(), missing=missing)
+    _, skipped = read_test_frames(dataset, record_of(dataset_of()))
+    assert skipped[-17:] == missing
+    split = split_of(dataset)
+    assert len(split.names) == COUNT
+    assert split.skipped == ("early: no pose", *missing)
+
+
 def test_more_frames_than_memory_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gslts.mapping.frames.free_memory_bytes", lambda: 10_000)
     with pytest.raises(ValueError, match=r"set: 30 frames take .* such as one in 9$"):

@@ -11,7 +11,7 @@ import sim_scenes
 from PIL import Image
 
 import gslts
-from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
+from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.types import Floats32
 from gslts_sim import make_home
 from gslts_sim.capture import capture, true_poses

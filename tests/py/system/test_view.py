@@ -1,19 +1,36 @@
 """The viewer in a real browser, headless and with software GL."""
 
+import base64
 import shutil
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 import viewed_room
 from command import gslts as run
+from PIL import Image
 from shared import made_once
 from viewed_room import BOX, MOVED, SAME_DB, Page, browser_page
 
+from gslts.io.images import to_rgb8
+from gslts.rendering.metrics import psnr_db
+from gslts.rendering.rasterizer import render
+from gslts.store.map_folder import read_map
+from gslts.viewer.live import LiveFrame
 from gslts.viewer.viewer import Viewer
 
 MIDDLE = ((2.4, 1.2, 0.3), (2.4, 1.4, 0.5))
 """Of the room, where no version changed anything."""
+
+READ_IMAGE = """async image => {
+  const blob = await (await fetch(image.src)).blob();
+  const reader = new FileReader();
+  reader.readAsDataURL(blob);
+  return new Promise(done => reader.onload = () => done(reader.result));
+}"""
+"""Returns an image of the page as a data URL."""
 
 
 @pytest.fixture
@@ -75,6 +92,36 @@ def test_objects_and_words(page: Page, room: Path) -> None:
     fill(page, 2, "mug")
     page.page.get_by_role("button", name="Path there").click()
     page.wait_for_text("path from here: ")
+
+
+def test_before_and_after(page: Page, room: Path) -> None:
+    before, after = room.with_name("room@1"), room.with_name("room@3")
+    fill(page, 1, "1")
+    page.page.get_by_label("Boxes").first.uncheck()
+    page.page.get_by_label("Before | after").first.check()
+    fill(page, 2, "1")  # The divider stands at the right edge: all is as it was.
+    page.wait_for_image(before, BOX)
+    assert page.psnr_db(after, BOX) < SAME_DB
+    fill(page, 2, "0")
+    page.wait_for_image(after, BOX)
+    page.page.get_by_label("Before | after").first.uncheck()
+    page.wait_for_image(after, MIDDLE)
+
+
+def test_robot(room: Path) -> None:
+    camera = viewed_room.first_view()
+    seen = LiveFrame(np.full((64, 64, 3), 90, np.uint8), camera, ("round 7", "deferred: a vase"))
+    with Viewer(room, port=0) as viewer, browser_page(viewer.url) as page:
+        page.wait_for_text("moved from")
+        viewer.show_robot(seen)
+        page.wait_for_text("deferred: a vase")
+        address = page.page.locator("img[src^='blob:']").first.evaluate(READ_IMAGE)
+        content = base64.b64decode(address.partition(",")[2])
+        image = np.array(Image.open(BytesIO(content)).convert("RGB"))
+    rendered = to_rgb8(render(read_map(room), camera).rgb)
+    inside = np.s_[8:56, 8:56]  # JPEG mixes colours at edges.
+    assert np.abs(image[inside].astype(int) - 90).max() < 10
+    assert psnr_db(image[:64, 64:][inside] / 255, rendered[inside] / 255) > SAME_DB
 
 
 def test_map_that_is_lost(page: Page, room: Path) -> None:

@@ -14,8 +14,8 @@ import scenes
 from command import LONG_S, MAIN
 from command import gslts as run
 
-from gslts.cli.view import viewed
 from gslts.store.map_folder import write_map_folder
+from gslts.viewer.beside import viewer_beside
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_view_serves_until_it_is_interrupted(folder: Path) -> None:
         (("map", "--port", "taken"), "in use; give another --port"),
     ],
 )
-def test_what_cannot_be_viewed(folder: Path, arguments: tuple[str, ...], message: str) -> None:
+def test_what_cannot_be_viewer_beside(folder: Path, arguments: tuple[str, ...], message: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         done = run("view", *(port if a == "taken" else a for a in arguments), cwd=folder)
@@ -60,7 +60,7 @@ def test_what_cannot_be_viewed(folder: Path, arguments: tuple[str, ...], message
 
 def test_view_beside_a_command(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     output, give_up_s = "", time.monotonic() + LONG_S
-    with viewed(folder / "map", True):
+    with viewer_beside(folder / "map", True):
         while "\n" not in output:
             assert time.monotonic() < give_up_s
             time.sleep(0.05)
@@ -69,5 +69,5 @@ def test_view_beside_a_command(folder: Path, capfd: pytest.CaptureFixture[str]) 
         urllib.request.urlopen(url, timeout=LONG_S).close()
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(url, timeout=LONG_S)
-    with viewed(folder / "map", False):
+    with viewer_beside(folder / "map", False):
         pass

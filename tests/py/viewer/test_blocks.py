@@ -22,8 +22,11 @@ class Scene:
         self.sent: dict[str, tuple[np.ndarray, ...]] = {}
         self.gaussians = 0
 
-    def add_gaussian_splats(self, name: str, *arrays: np.ndarray, scale: float) -> "Handle":
+    def add_gaussian_splats(
+        self, name: str, *arrays: np.ndarray, scale: float, visible: bool
+    ) -> "Handle":
         assert scale == UNIT_M
+        assert visible
         handle = Handle(self, name)
         handle.set_gaussians(*arrays)
         return handle

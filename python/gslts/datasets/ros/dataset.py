@@ -21,6 +21,8 @@ MAX_GAP_NS = 20_000_000
 """Maximum time between a colour and a depth image of one frame: less than a frame at 30 Hz."""
 SAME_PX = 0.01
 """Tolerance of intrinsics of one camera, px; messages store them in double precision."""
+ROS1 = ".bag"
+"""Ending of bags of ROS 1, which are not read."""
 WORLDS = ("earth", "map", "odom", "world")
 """Fixed frames by REP 105 and custom; the name of the robot may precede them."""
 
@@ -98,13 +100,13 @@ class RosFrame:
 
 
 def is_rosbag(path: Path) -> bool:
-    """Return True if a path is a file of a bag, or a folder with the metadata of one.
+    """Return True if a path is a file of a bag, or a folder with the metadata of a bag.
 
     Args:
         path: Any path.
     """
     if path.is_file():
-        return path.suffix in (".mcap", ".db3")
+        return path.suffix in (".mcap", ".db3", ROS1)
     metadata = path / "metadata.yaml"
     if not metadata.is_file():
         return False
@@ -131,6 +133,11 @@ def open_rosbag(path: Path) -> Dataset:
         ValueError: The bag is damaged, or topics of images are missing or ambiguous; the message
             lists them.
     """
+    if path.suffix == ROS1:
+        raise ValueError(
+            f"{path}: a bag of ROS 1: convert it with rosbags-convert --src {path.name} "
+            f"--dst {path.stem} --dst-typestore ros2_humble (pip install 'gslts[ros]')"
+        )
     bag = Bag(path)
     colour, depth = choose_topics(bag)
     rgb_camera = _camera(bag, colour)
@@ -138,6 +145,8 @@ def open_rosbag(path: Path) -> Dataset:
     if depth is not None and depth.info is not None:
         depth_camera = _camera(bag, depth)
     tree, tracks = _poses(bag)
+    if depth_camera is not None and not _same_view(rgb_camera, depth_camera):
+        _require_connected(bag, tree, rgb_camera.frame, depth_camera.frame)
     poses, why_unposed = None, ""
     try:
         poses = _PoseSource(tree, tracks, rgb_camera.frame)
@@ -187,6 +196,18 @@ def _camera(bag: Bag, topic: ImageTopic) -> RosCamera:
         return RosCamera(pinhole(intrinsics, size, np.eye(4)), lens, topic.frame)
     except ValueError as error:
         raise ValueError(f"{bag.path}: {topic.info}: {error}") from None
+
+
+def _require_connected(bag: Bag, tree: FrameTree, rgb: str, depth: str) -> None:
+    """Check that the transforms between both cameras are known."""
+    try:
+        tree.newest_ns(rgb, depth)
+    except ValueError as error:
+        raise ValueError(
+            f"{bag.path}: the depth is not aligned to the colours, and the position of its camera "
+            f"is not known: {error}; record {TF_STATIC} too, or aligned depth (RealSense: "
+            "align_depth.enable:=true, Azure Kinect: depth_to_rgb)"
+        ) from None
 
 
 def _same_view(first: RosCamera, second: RosCamera) -> bool:

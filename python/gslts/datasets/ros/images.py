@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.dataset import MAX_PIXELS, reason_of
+from gslts.datasets.dataset import MAX_PIXELS
+from gslts.datasets.image_frame import decode_image
 from gslts.datasets.undistort import Lens, lens_or_none
 from gslts.types import Floats32
 
@@ -63,7 +63,7 @@ def rgb_of(message: Any) -> Bytes:
         channels, order = _COLOUR_CHANNELS[message.encoding]
         pixels = _rows(message, np.dtype(np.uint8), channels)
         return np.ascontiguousarray(pixels[..., order])
-    return _decode(message.data, "RGB").astype(np.uint8)
+    return decode_image(message.data, "RGB").astype(np.uint8)
 
 
 def depth_of(message: Any) -> Floats32:
@@ -99,7 +99,7 @@ def steps_of(message: Any) -> NDArray[Any]:
         ValueError: The message is damaged, or its encoding is not supported.
     """
     if not hasattr(message, "encoding"):
-        return _decode(message.data, "I")
+        return decode_image(message.data, "I")
     encoding = encoding_of(message)
     if encoding not in DEPTH_ENCODINGS:
         raise ValueError(f"the encoding {encoding} is not one of depth")
@@ -111,12 +111,15 @@ def steps_of(message: Any) -> NDArray[Any]:
 def _compressed_depth(message: Any, encoding: str) -> Floats32:
     """Decode a message of compressed_depth_image_transport: a 12-byte header and a PNG."""
     if "rvl" in message.format.lower():
-        raise ValueError(f"the format {message.format!r} is not supported")
+        raise ValueError(
+            f"the format {message.format!r} is not supported: record raw depth, or set the "
+            "parameter `format` of compressedDepth to png"
+        )
     data = bytes(message.data)
     if len(data) < _COMPRESSED_DEPTH_HEADER.size:
         raise ValueError("the compressed depth is cut off")
     _, a, b = _COMPRESSED_DEPTH_HEADER.unpack_from(data)
-    steps = _decode(data[_COMPRESSED_DEPTH_HEADER.size :], "I").astype(np.float32)
+    steps = decode_image(data[_COMPRESSED_DEPTH_HEADER.size :], "I").astype(np.float32)
     if encoding != "32FC1":
         return steps * np.float32(MILLIMETRE)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -138,21 +141,6 @@ def _rows(message: Any, kind: np.dtype[Any], channels: int) -> NDArray[Any]:
         )
     rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :used])
     return rows.view(kind).reshape(height, width, channels)
-
-
-def _decode(data: Any, mode: str) -> NDArray[Any]:
-    """Decode a JPEG or PNG in a mode of Pillow."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(io.BytesIO(bytes(data)), formats=("JPEG", "PNG")) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise ValueError(f"{image.width} x {image.height} px are more than {MAX_PIXELS}")
-            return np.asarray(image.convert(mode))
-    except UnidentifiedImageError:
-        raise ValueError("the image is neither JPEG nor PNG") from None
-    except Exception as error:  # Pillow raises errors of any kind for damage.
-        raise ValueError(f"the image cannot be read: {reason_of(error)}") from None
 
 
 def camera_of(info: Any, rectified: bool) -> tuple[tuple[float, ...], tuple[int, int], Lens | None]:

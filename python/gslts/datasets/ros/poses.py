@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.poses import interpolate_pose, inverse, pose_from_quat
+from gslts.datasets.poses import interpolate_pose, inverse, pose_from_numbers
 from gslts.types import Floats
 
 MAX_GAP_NS = 100_000_000
@@ -84,24 +84,21 @@ class Track:
         times, numbers = self._in_order()
         after = int(np.searchsorted(times, time_ns))
         if after < len(times) and times[after] == time_ns:
-            return _pose(numbers[after])
+            return pose_from_numbers(numbers[after])
         if after in (0, len(times)) or times[after] - times[after - 1] > max_gap_ns:
             raise ValueError(
                 f"there are no two poses around it at most {max_gap_ns / 1e9:g} s apart"
             )
         share = (time_ns - times[after - 1]) / (times[after] - times[after - 1])
-        return interpolate_pose(_pose(numbers[after - 1]), _pose(numbers[after]), float(share))
+        return interpolate_pose(
+            pose_from_numbers(numbers[after - 1]), pose_from_numbers(numbers[after]), float(share)
+        )
 
     def _in_order(self) -> tuple[NDArray[np.int64], Floats]:
         if self._sorted is None:
             times, first = np.unique(np.array(self.times_ns, np.int64), return_index=True)
             self._sorted = times, np.array(self.numbers, np.float64).reshape(-1, 7)[first]
         return self._sorted
-
-
-def _pose(numbers: Floats) -> Floats:
-    x, y, z, w = numbers[3:]
-    return pose_from_quat((w, x, y, z), numbers[:3])
 
 
 class FrameTree:

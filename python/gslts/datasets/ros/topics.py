@@ -16,8 +16,12 @@ POSE_TYPES = (
     "nav_msgs/msg/Odometry",
 )
 """Message types of poses."""
-REGISTERED = ("aligned_depth_to_color", "depth_registered", "registered")
-"""Parts of topic names by which the drivers mark depth registered to the colour image."""
+REGISTERED = ("aligned_depth_to_color", "depth_to_rgb", "depth_registered", "registered")
+"""Parts of topic names by which the drivers mark depth registered to the colour image: those of
+RealSense, Azure Kinect and OpenNI."""
+WARPED = "rgb_to_depth"
+"""Part of a topic name by which the driver of Azure Kinect marks colours in the depth image's view:
+they come from the image that is recorded as well, and are black where the depth is unknown."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class ImageTopic:
     Attributes:
         topic: Its name.
         base: Its name without the ending of a compressed topic.
-        kind: "depth", "colour" or "grey".
+        kind: "depth", "colour", "grey", or "other" for images that are not used.
         info: Topic of its CameraInfo; None if there is none.
         frame: Optical frame of the first image.
         compressed: True if the messages are CompressedImage.
@@ -89,7 +93,9 @@ def _image_topic(bag: Bag, topic: str) -> ImageTopic:
     encoding = encoding_of(message)
     compressed = not hasattr(message, "encoding")
     kind = "colour"
-    if encoding in DEPTH_ENCODINGS or (compressed and "compressedDepth" in message.format):
+    if WARPED in base or (encoding == "mono16" and "depth" not in base):
+        kind = "other"  # The latter is infrared.
+    elif encoding in DEPTH_ENCODINGS or (compressed and "compressedDepth" in message.format):
         kind = "depth"
     elif encoding == "mono8":
         kind = "grey"

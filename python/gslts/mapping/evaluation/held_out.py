@@ -139,7 +139,7 @@ def read_test_frames(
         ValueError: There is no test frame, or too many frames cannot be used.
     """
     frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of equal names, the first.
-    skipped = dataset.skipped
+    skipped = dataset.left_out
     wanted = _choose_names([frame.name for frame in dataset.frames], record, every)
     require_memory(dataset.name, [frames[name] for name in _all(wanted)])
     read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, record)

@@ -1,0 +1,76 @@
+"""Part of the panel for a robot that works in the map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from gslts.core.gaussian_map import FloatArray
+from gslts.io.images import RgbImage, depth_image, depth_range, error_image, to_rgb8
+from gslts.rendering.rasterizer import RenderOptions, render
+from gslts.types import Floats
+from gslts.viewer.live import LiveFrame
+from gslts.viewer.overlay import ROBOT, Overlay
+from gslts.viewer.panel_text import paragraphs
+from gslts.viewer.viewed_map import ViewedMap
+
+BRIGHT_ERROR = 0.25
+"""Mean difference of the channels that the image of differences shows brightest, 0 to 1."""
+LEGEND = "Above: camera, map. Below: where they differ, depth of the map."
+"""Describes the image."""
+THREADS = 1
+"""Threads of a rendering: the robot needs the others."""
+
+
+class RobotPanel:
+    """Shows the newest frame of a robot beside the map, where the robot is, and where it was.
+
+    Args:
+        gui: Of a page.
+        viewed: The map.
+        overlay: Of the page.
+        look_at: Moves the page's camera: arguments are (3,) position and target in the world, m.
+    """
+
+    def __init__(
+        self,
+        gui: Any,
+        viewed: ViewedMap,
+        overlay: Overlay,
+        look_at: Callable[[Floats, Floats], None],
+    ) -> None:
+        self._map, self._overlay, self._look_at = viewed, overlay, look_at
+        with gui.add_folder("Robot", order=0):
+            self._image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), format="jpeg")
+            self._lines = gui.add_html("")
+            self._rides = gui.add_checkbox("Look through its camera", False)
+
+    def show(self, live: LiveFrame, path: Sequence[Floats]) -> None:
+        """Show a frame.
+
+        Args:
+            live: The frame.
+            path: (3,) positions of the robot so far, the newest last, m.
+        """
+        camera = live.camera
+        rendered = render(
+            self._map.gaussians(self._map.newest), camera, RenderOptions(threads=THREADS)
+        )
+        self._image.image = _grid(live.rgb, to_rgb8(rendered.rgb), rendered.depth)
+        self._lines.content = paragraphs([LEGEND, *live.lines])
+        self._overlay.clear("robot")
+        self._overlay.cameras("robot", [camera], ROBOT)
+        if len(path) > 1:
+            self._overlay.path("robot", np.array(path), ROBOT)
+        if self._rides.value:
+            pose = camera.world_from_camera
+            self._look_at(pose[:3, 3], pose[:3, 3] + pose[:3, 2])
+
+
+def _grid(rgb: RgbImage, rendered: RgbImage, depth: FloatArray) -> RgbImage:
+    """Return the image of the camera, that of the map, their difference, and the map's depth."""
+    difference = error_image(rgb, rendered, BRIGHT_ERROR)
+    shown_depth = depth_image(depth, depth_range(depth))
+    return np.vstack([np.hstack([rgb, rendered]), np.hstack([difference, shown_depth])])
