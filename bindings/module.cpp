@@ -9,6 +9,7 @@ void define_io(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_optim_adam(pybind11::module_ m);
 void define_optim_losses(pybind11::module_ m);
+void define_plan(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
 void define_reloc(pybind11::module_ m);
 void define_reloc_clouds(pybind11::module_ m);
@@ -36,6 +37,7 @@ PYBIND11_MODULE(_core, m) {
   python::define_detect(m.def_submodule("detect", "Changes between map and frame."));
   python::define_edit(
       m.def_submodule("edit", "Selection and creation of Gaussians of an edited map."));
+  python::define_plan(m.def_submodule("plan", "Shortest paths over a grid."));
   pybind11::module_ reloc = m.def_submodule("reloc", "Pose of an image in a map, without a prior.");
   python::define_reloc(reloc);
   python::define_reloc_clouds(reloc);

@@ -43,14 +43,20 @@ function(gslts_kernels name)
   endif()
 endfunction()
 
-# gslts_external(<name> HEADER <file> [SUFFIXES <folders>] LIBRARIES <names>)
+# gslts_external(<name> HEADER <file> [SUFFIXES <folders>] [LIBRARIES <names>] [PACKAGE <name>])
 #
 # Declares gslts_<name>: libraries of others that have no CMake package, or one that names too much.
+# With GSLTS_STATIC, those that scripts/wheel-libraries builds are targets of their PACKAGE.
 function(gslts_external name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "HEADER" "SUFFIXES;LIBRARIES")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "HEADER;PACKAGE" "SUFFIXES;LIBRARIES")
   set(target gslts_${name})
   string(TOUPPER ${target} prefix)
   add_library(${target} INTERFACE)
+  if(GSLTS_STATIC AND arg_PACKAGE)
+    find_package(${arg_PACKAGE} CONFIG REQUIRED)
+    target_link_libraries(${target} INTERFACE ${arg_LIBRARIES})
+    return()
+  endif()
   find_path(${prefix}_INCLUDE_DIR ${arg_HEADER} PATH_SUFFIXES ${arg_SUFFIXES} REQUIRED)
   mark_as_advanced(${prefix}_INCLUDE_DIR)
   target_include_directories(${target} SYSTEM INTERFACE $<BUILD_INTERFACE:${${prefix}_INCLUDE_DIR}>)

@@ -1,7 +1,13 @@
 #include "gslts/reloc/register_clouds.hpp"
 
+// PCL's templates are compiled into this file, so that no library of PCL is needed. Of its
+// libraries they would call two functions of the console only: these have another name here, and
+// are below.
+#define PCL_NO_PRECOMPILE
+#define console gslts_console
 #include <pcl/filters/voxel_grid.h>
 #include <pcl/registration/gicp.h>
+#undef console
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +21,14 @@
 
 #include "gslts/map/require.hpp"
 #include "gslts/map/se3.hpp"
+
+namespace pcl::gslts_console {
+
+bool isVerbosityLevelEnabled(VERBOSITY_LEVEL /*level*/) { return false; }
+
+void print(VERBOSITY_LEVEL /*level*/, const char* /*format*/, ...) {}
+
+}  // namespace pcl::gslts_console
 
 namespace gslts::reloc {
 namespace {

@@ -1,5 +1,6 @@
 #include "gslts/sim/shading.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>

@@ -111,6 +111,7 @@ def __getattr__(name: str) -> Any:
     elif name == "losses":
         value = import_module("gslts.rendering.losses")
     elif name in _MODULE_OF:
+        import_module("gslts._cpu")  # An ImportError says what this processor lacks.
         value = getattr(import_module(_MODULE_OF[name]), name)
     else:
         raise AttributeError(f"module 'gslts' has no attribute {name!r}")

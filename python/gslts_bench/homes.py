@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -284,11 +285,9 @@ def even_shares(count: int, homes: int) -> list[int]:
 
 def _code() -> dict[str, Any]:
     libraries = {}
-    for name in ("numpy", "open3d-cpu", "open3d"):
-        try:
+    for name in ("numpy", "embreex"):
+        with suppress(PackageNotFoundError):  # The simulator is an extra.
             libraries[name] = version(name)
-        except PackageNotFoundError:  # Open3D has two names.
-            continue
     recorded = code_digest("gslts_bench.homes", without=("gslts.mapping",))
     return {
         "sim": {"python": recorded, "libraries": libraries},

@@ -44,9 +44,14 @@ class RayScene:
     """
 
     def __init__(self, home: Home, threads: int = 0) -> None:
-        import open3d
+        try:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        except ImportError as error:
+            raise ImportError(
+                "simulated homes need Embree (x86-64): pip install 'gslts[sim]'"
+            ) from error
 
-        self._tensor: Any = open3d.core.Tensor.from_numpy  # Without a copy.
         self._threads = threads
         vertices, faces, owners, normals = [], [], [], []
         first_vertex = 0
@@ -69,8 +74,8 @@ class RayScene:
         all_vertices = np.concatenate(vertices).astype(np.float32)
         all_faces = np.concatenate(faces).astype(np.uint32)
         self._corners: Floats32 = all_vertices[all_faces]
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(self._tensor(all_vertices), self._tensor(all_faces))
+        self._scene: Any = EmbreeScene()
+        TriangleMesh(self._scene, all_vertices, all_faces)
 
     def cast(self, rays: Floats32) -> Hits:
         """Find the first triangle that each ray hits.
@@ -78,8 +83,8 @@ class RayScene:
         Args:
             rays: [...,6] float32: origin, m, and direction of any length, in the world.
         """
-        found = self._scene.cast_rays(self._tensor(rays), self._threads)
-        return self._hits(rays, found["primitive_ids"].numpy())
+        triangles = self._run(rays, "INTERSECT").astype(np.uint32)
+        return self._hits(rays, triangles.reshape(rays.shape[:-1]))
 
     def cast_pixels(self, camera: Camera, rays: Floats32) -> Hits:
         """Find the first triangle that each ray of a camera hits; faster than `cast`.
@@ -109,10 +114,16 @@ class RayScene:
         Returns:
             [...] bool.
         """
-        result: Bools = self._scene.test_occlusions(
-            self._tensor(rays), tnear=0.0, tfar=end, nthreads=self._threads
-        ).numpy()
-        return result
+        ends = np.full(rays.size // 6, end, np.float32)
+        blocked: Bools = self._run(rays, "OCCLUDED", dists=ends) == 0
+        return blocked.reshape(rays.shape[:-1])
+
+    def _run(self, rays: Floats32, query: str, **arguments: Floats32) -> Ints32:
+        origins, directions = (
+            np.ascontiguousarray(part) for part in np.split(rays.reshape(-1, 6), 2, 1)
+        )
+        found: Ints32 = self._scene.run(origins, directions, query=query, **arguments)
+        return found
 
     def instances(self, camera: Camera) -> tuple[Ints32, Floats32]:
         """Render objects and depth, without light.

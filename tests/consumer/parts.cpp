@@ -1,8 +1,10 @@
-// Calls each of the small libraries once: simd, io, fusion, optim and align.
+// Calls each of the small libraries once: simd, io, fusion, optim, align and plan.
+#include <cstdint>
 #include <gslts/align/normal_equations.hpp>
 #include <gslts/fusion/register_depth.hpp>
 #include <gslts/io/ply.hpp>
 #include <gslts/optim/losses.hpp>
+#include <gslts/plan/distance_field.hpp>
 #include <gslts/simd/target.hpp>
 #include <iostream>
 #include <vector>
@@ -32,9 +34,12 @@ int main() {
   const auto loss = gslts::optim::photometric_loss(rgb.data(), rgb.data(), kWidth, kHeight);
   const auto equations =
       gslts::align::align(camera, rgb.data(), depth.data(), rgb.data(), depth.data());
+  const std::uint8_t free[] = {1, 1, 1}, goals[] = {1, 0, 0};
+  const auto field_m = gslts::plan::distance_field(free, goals, 1, 3, 0.5);
   const bool right =
       check("simd", !gslts::simd::target().empty()) & check("io", contents.map.size() == 0) &
       check("fusion", registered[kWidth * kHeight / 2] == 2.0f) &
-      check("optim", loss.value < 1e-4) & check("align", equations.depth.hessian(2, 2) > 0);
+      check("optim", loss.value < 1e-4) & check("align", equations.depth.hessian(2, 2) > 0) &
+      check("plan", field_m[2] == 1.0);
   return right ? 0 : 1;
 }

@@ -11,6 +11,7 @@ from . import optim
 from . import align
 from . import detect
 from . import edit
+from . import plan
 from . import reloc
 from . import sim
-__all__: list[str] = ['align', 'detect', 'edit', 'fusion', 'io', 'map', 'optim', 'raster', 'reloc', 'sim', 'simd']
+__all__: list[str] = ['align', 'detect', 'edit', 'fusion', 'io', 'map', 'optim', 'plan', 'raster', 'reloc', 'sim', 'simd']

@@ -98,6 +98,8 @@ def describe(
 def main() -> None:
     """Run a command; an error is one line on stderr and a non-zero exit status."""
     try:
+        import gslts._cpu  # noqa: F401  # An ImportError says what this processor lacks.
+
         if os.environ.get("GSLTS_SIMD"):
             from gslts._core import simd
 

@@ -146,7 +146,6 @@ class Building:
             The route, or the reason why there is none.
 
         Raises:
-            ImportError: scikit-fmm is missing.
             ValueError: There is no such room.
         """
         from gslts.fleet.building_route import RoutePlanner

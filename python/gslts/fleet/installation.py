@@ -10,10 +10,9 @@ from pathlib import Path
 LIBRARIES = (
     "gslts",
     "distributed",
+    "embreex",
     "numpy",
-    "open3d",
-    "open3d-cpu",
-    "opencv-contrib-python-headless",
+    "opencv-python-headless",
     "torch",
 )
 """Distributions whose versions are named in results, where they are installed."""
@@ -25,7 +24,7 @@ def library_versions() -> dict[str, str]:
     for name in LIBRARIES:
         try:
             found[name] = version(name)
-        except PackageNotFoundError:  # Open3D has two names, and torch is optional.
+        except PackageNotFoundError:  # An optional one.
             continue
     return found
 

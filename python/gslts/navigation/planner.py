@@ -7,13 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from gslts._core.plan import distance_field
 from gslts.navigation.grid import Grid
 from gslts.types import Bools, Floats
-
-try:
-    import skfmm
-except ImportError as error:
-    raise ImportError("path planning needs scikit-fmm: pip install 'gslts[tasks]'") from error
 
 Cell = tuple[int, int]
 
@@ -70,6 +66,8 @@ def free_cells(explored: Bools, obstacles: Bools, radius_cells: float) -> Bools:
 def distance_field_m(free: Bools, goals: Bools, cell_m: float) -> Floats:
     """Compute the length of the shortest path from each cell to the nearest goal.
 
+    Source: Sethian, Fast Marching Methods, 1999; of second order.
+
     Args:
         free: [M,M] bool, cells that a path may pass.
         goals: [M,M] bool; goals that are not free are ignored.
@@ -78,21 +76,7 @@ def distance_field_m(free: Bools, goals: Bools, cell_m: float) -> Floats:
     Returns:
         [M,M] m; infinite where there is no path.
     """
-    goals = goals & free
-    result = np.full(free.shape, np.inf)
-    if not goals.any():
-        return result
-    front = np.ma.MaskedArray(np.where(goals, 0.0, 1.0), ~free)
-    if goals.sum() == free.sum():
-        return np.where(goals, 0.0, np.inf)
-    field = skfmm.distance(front, dx=cell_m)
-    known = ~np.ma.getmaskarray(field)
-    result[known] = np.ma.getdata(field)[known]
-    # skfmm leaves 0 in components that it does not reach.
-    number, components = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    is_reached = np.zeros(number, np.bool_)
-    is_reached[np.unique(components[goals])] = True
-    return np.where(is_reached[components] & free, result, np.inf)
+    return distance_field(free, goals, cell_m=cell_m)
 
 
 def plan_path(grid: Grid, free: Bools, start: Floats, goals: Bools) -> PlannedPath:

@@ -1,7 +1,7 @@
 """Autoencoder that compresses CLIP embeddings to short codes (GS-LTS, sec. III-A; LangSplat).
 
 A Gaussian stores a code of d numbers per level instead of an embedding of D; the decoder maps codes
-back to the embedding space of text. Inference is NumPy only; `train_autoencoder` needs PyTorch.
+back to the embedding space of text.
 """
 
 from __future__ import annotations
@@ -124,16 +124,36 @@ class Autoencoder:
 
     def _hidden_layer(self, part: str, vectors: Floats32) -> Floats32:
         weight, bias = self.weights[f"{part}.0.weight"], self.weights[f"{part}.0.bias"]
-        return _gelu(vectors @ weight.T + bias)
+        return gelu(vectors @ weight.T + bias)
 
     def _last(self, part: str) -> tuple[Floats32, Floats32]:
         return self.weights[f"{part}.2.weight"], self.weights[f"{part}.2.bias"]
 
 
-def _gelu(x: Floats32) -> Floats32:
-    """Apply GELU in its tanh approximation (Hendrycks & Gimpel 2016)."""
+def gelu(x: Floats32) -> Floats32:
+    """Apply GELU in its tanh approximation (Hendrycks & Gimpel 2016).
+
+    Args:
+        x: float32 of any shape.
+    """
+    return np.asarray(np.float32(0.5) * x * (1 + _tanh_of_gelu(x)), np.float32)
+
+
+def gelu_slope(x: Floats32) -> Floats32:
+    """Compute the derivative of `gelu`.
+
+    Args:
+        x: float32 of any shape.
+    """
+    tanh = _tanh_of_gelu(x)
+    inner_slope = np.float32(sqrt(2 / pi)) * (1 + np.float32(3 * 0.044715) * x * x)
+    slope = np.float32(0.5) * (1 + tanh + x * (1 - tanh * tanh) * inner_slope)
+    return np.asarray(slope, np.float32)
+
+
+def _tanh_of_gelu(x: Floats32) -> Floats32:
     inner = np.float32(sqrt(2 / pi)) * (x + np.float32(0.044715) * x * x * x)
-    return np.asarray(np.float32(0.5) * x * (1 + np.tanh(inner)), np.float32)
+    return np.asarray(np.tanh(inner), np.float32)
 
 
 def autoencoder_bytes(model: Autoencoder) -> bytes:

@@ -64,7 +64,7 @@ def embed_semantics(
     """
     if source.codec is not None:
         return _embed_classes(gaussian_map, frames, source, source.codec, threads)
-    from gslts.semantics.train_autoencoder import train_autoencoder  # It needs PyTorch.
+    from gslts.semantics.train_autoencoder import train_autoencoder
 
     cameras, labels, embeddings, names = _segment_frames(frames, source)
     if not cameras:

@@ -1,19 +1,19 @@
-"""Training of the autoencoder of embeddings, with PyTorch."""
+"""Training of the autoencoder of embeddings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from math import cos, pi, sqrt
 
-from gslts.semantics.autoencoder import MAX_CODE_DIMS, MIN_CODE_DIMS, Autoencoder
+import numpy as np
+
+from gslts.semantics.autoencoder import (
+    MAX_CODE_DIMS,
+    MIN_CODE_DIMS,
+    Autoencoder,
+    gelu,
+    gelu_slope,
+)
 from gslts.types import Floats32
-
-try:
-    import torch
-    from torch import nn
-except ImportError as error:
-    raise ImportError("semantics need PyTorch: pip install 'gslts[tasks]'") from error
-
 
 HIDDEN = 256
 """Width of the hidden layers. With 128, 200 nearly orthogonal embeddings are not reconstructed from
@@ -22,6 +22,8 @@ MAX_BATCH = 1024
 """Maximum number of embeddings in a step; more are sampled at random. Bounds the time of a step."""
 LEARNING_RATE = 2e-3
 """Initial learning rate of Adam; a cosine schedule lowers it to 0."""
+BETAS, EPSILON = (0.9, 0.999), np.float32(1e-8)
+"""Constants of Adam (Kingma & Ba 2015)."""
 TARGET_LOSS = 2e-3
 """Loss at which training stops early: reconstructions have a cosine of about 0.999 with their
 embeddings."""
@@ -56,45 +58,94 @@ def train_autoencoder(
         raise ValueError(
             f"train_autoencoder: embeddings must have at least {code_dims} dimensions, got {dims}"
         )
-    with torch.random.fork_rng(devices=[]), _single_thread():
-        torch.manual_seed(seed)
-        model = nn.ModuleDict(
-            {"encoder": _layers(dims, code_dims), "decoder": _layers(code_dims, dims)}
-        )
-        _train(model, torch.from_numpy(embeddings), steps)
-    return Autoencoder({name: array.numpy().copy() for name, array in model.state_dict().items()})
+    rng = np.random.default_rng(seed)
+    weights: dict[str, Floats32] = {}
+    for part, widths in (
+        ("encoder", (dims, HIDDEN, code_dims)),
+        ("decoder", (code_dims, HIDDEN, dims)),
+    ):
+        for layer, inputs, outputs in (0, *widths[:2]), (2, *widths[1:]):
+            bound = 1 / sqrt(inputs)  # As PyTorch initializes a linear layer.
+            for kind, shape in ("weight", (outputs, inputs)), ("bias", (outputs,)):
+                array = rng.uniform(-bound, bound, shape).astype(np.float32)
+                weights[f"{part}.{layer}.{kind}"] = array
+    _train(weights, embeddings, steps, rng)
+    return Autoencoder(weights)
 
 
-def _train(model: nn.ModuleDict, embeddings: torch.Tensor, steps: int) -> None:
-    optimizer = torch.optim.Adam(model.parameters(), lr=LEARNING_RATE)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
-    for _ in range(steps):
+def _train(
+    weights: dict[str, Floats32], embeddings: Floats32, steps: int, rng: np.random.Generator
+) -> None:
+    """Minimize the loss by Adam (Kingma & Ba 2015) in place."""
+    means = {name: np.zeros_like(array) for name, array in weights.items()}
+    squares = {name: np.zeros_like(array) for name, array in weights.items()}
+    for step in range(1, steps + 1):
         batch = embeddings
         if len(embeddings) > MAX_BATCH:
-            batch = embeddings[torch.randint(len(embeddings), (MAX_BATCH,))]
-        codes = nn.functional.normalize(model["encoder"](batch), dim=1)
-        decoded = nn.functional.normalize(model["decoder"](codes), dim=1)
-        cosine_loss = 1 - (decoded * batch).sum(dim=1).mean()
-        loss = cosine_loss + ((decoded - batch) ** 2).sum(dim=1).mean()
-        if float(loss.detach()) < TARGET_LOSS:
+            batch = embeddings[rng.integers(len(embeddings), size=MAX_BATCH)]
+        loss, gradients = loss_and_gradients(weights, batch)
+        if loss < TARGET_LOSS:
             break
-        optimizer.zero_grad()
-        torch.autograd.backward(loss)
-        optimizer.step()
-        schedule.step()
+        rate = LEARNING_RATE * (1 + cos(pi * (step - 1) / steps)) / 2
+        for name, gradient in gradients.items():
+            means[name] += (1 - BETAS[0]) * (gradient - means[name])
+            squares[name] += (1 - BETAS[1]) * (gradient * gradient - squares[name])
+            mean = means[name] / np.float32(1 - BETAS[0] ** step)
+            size = np.sqrt(squares[name] / np.float32(1 - BETAS[1] ** step)) + EPSILON
+            weights[name] -= np.float32(rate) * mean / size
 
 
-def _layers(inputs: int, outputs: int) -> nn.Sequential:
-    gelu = nn.GELU(approximate="tanh")
-    return nn.Sequential(nn.Linear(inputs, HIDDEN), gelu, nn.Linear(HIDDEN, outputs))
+def loss_and_gradients(
+    weights: dict[str, Floats32], batch: Floats32
+) -> tuple[float, dict[str, Floats32]]:
+    """Compute the loss of a batch and its derivatives by the weights, by the chain rule.
+
+    Args:
+        weights: float32, those of an `Autoencoder`.
+        batch: [B,D] float32, of unit length.
+
+    Returns:
+        The loss, and for each array of the weights its derivatives.
+    """
+    codes, encoded = _forward(weights, "encoder", batch)
+    decoded, reconstructed = _forward(weights, "decoder", codes)
+    # The cosine loss and the L2 loss, which is twice the former, as vectors have unit length.
+    loss = float(3 * (1 - (decoded * batch).sum(axis=1)).mean())
+    dL_ddecoded = batch * np.float32(-3 / len(batch))
+    gradients: dict[str, Floats32] = {}
+    dL_dcodes = _backward(weights, "decoder", codes, reconstructed, dL_ddecoded, gradients)
+    _backward(weights, "encoder", batch, encoded, dL_dcodes, gradients)
+    return loss, gradients
 
 
-@contextmanager
-def _single_thread() -> Iterator[None]:
-    """Limit torch to one thread: products this small are slower with several."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+def _forward(
+    weights: dict[str, Floats32], part: str, inputs: Floats32
+) -> tuple[Floats32, tuple[Floats32, ...]]:
+    """Apply two layers and a normalization; return the result, and values before each step."""
+    before = inputs @ weights[f"{part}.0.weight"].T + weights[f"{part}.0.bias"]
+    hidden = gelu(before)
+    result = hidden @ weights[f"{part}.2.weight"].T + weights[f"{part}.2.bias"]
+    lengths = np.maximum(np.linalg.norm(result, axis=1, keepdims=True), np.float32(1e-12))
+    outputs = result / lengths
+    return outputs, (before, hidden, lengths, outputs)
+
+
+def _backward(
+    weights: dict[str, Floats32],
+    part: str,
+    inputs: Floats32,
+    values: tuple[Floats32, ...],
+    dL_doutputs: Floats32,
+    gradients: dict[str, Floats32],
+) -> Floats32:
+    """Add the derivatives by the weights of a part to `gradients`; return those by its inputs."""
+    before, hidden, lengths, outputs = values
+    along = (dL_doutputs * outputs).sum(axis=1, keepdims=True)
+    dL_dresult = (dL_doutputs - along * outputs) / lengths
+    gradients[f"{part}.2.weight"] = dL_dresult.T @ hidden
+    gradients[f"{part}.2.bias"] = dL_dresult.sum(axis=0)
+    dL_dbefore = (dL_dresult @ weights[f"{part}.2.weight"]) * gelu_slope(before)
+    gradients[f"{part}.0.weight"] = dL_dbefore.T @ inputs
+    gradients[f"{part}.0.bias"] = dL_dbefore.sum(axis=0)
+    dL_dinputs: Floats32 = dL_dbefore @ weights[f"{part}.0.weight"]
+    return dL_dinputs

@@ -15,6 +15,7 @@ from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
+from gslts.navigation.terrain import Terrain
 from gslts.navigation.viewpoints import Target
 from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.files import read_semantics
@@ -310,11 +311,8 @@ class ViewedMap:
             The path, or the reason why there is none.
 
         Raises:
-            ImportError: scikit-fmm is missing.
             ValueError: The map shows no floor.
         """
-        from gslts.navigation.terrain import Terrain  # Needs scikit-fmm, the rest does not.
-
         terrain = Terrain(self.plan(number), RobotBody())
         free = terrain.free_positions()
         targets = [Target.of_instance(self.gaussians(number), goal) for goal in goals]

@@ -55,6 +55,7 @@ def load_home(path: str | os.PathLike[str]) -> Home:
             its folder or below.
 
     Raises:
+        ImportError: trimesh is missing.
         MemoryError: There is not enough memory.
         OSError: A file cannot be read.
         ValueError: It is damaged, too large, has no named nodes, is not supported, or the size of
@@ -63,7 +64,7 @@ def load_home(path: str | os.PathLike[str]) -> Home:
     path = Path(path)
     try:
         return _home(HomeFile(path))
-    except (BadFileError, OSError, MemoryError):
+    except (BadFileError, ImportError, OSError, MemoryError):
         raise
     except Exception as error:  # An untrusted file may cause any.
         line = " ".join(f"{type(error).__name__}: {error}".split())[:300]

@@ -18,6 +18,7 @@ from gslts.io.gltf_file import Z_UP, Accessor, Tree, as_list, denormalize
 from gslts.types import Bytes, Floats, Floats32, Ints
 from gslts_sim.gltf.colour import BaseColour, Textures, palette
 from gslts_sim.gltf.file import HomeFile
+from gslts_sim.gltf.library import import_trimesh
 from gslts_sim.mesh import Surface
 
 MAX_CORNERS = 15_000_000
@@ -56,7 +57,7 @@ def read_nodes(file: HomeFile) -> list[Node]:
     Raises:
         BadFileError: A part of it is damaged or not supported.
     """
-    import trimesh
+    trimesh = import_trimesh()
 
     order = _depth_first(file)
     outline = _Outline(file)

@@ -10,6 +10,7 @@ import numpy as np
 
 from gslts.io.atomic_files import write_atomic
 from gslts.io.gltf_file import Z_UP
+from gslts_sim.gltf.library import import_trimesh
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.mesh import Surface
 
@@ -25,9 +26,10 @@ def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
         path: Of the file.
 
     Raises:
+        ImportError: trimesh is missing.
         OSError: The file cannot be written.
     """
-    import trimesh
+    trimesh = import_trimesh()
 
     scene: Any = trimesh.Scene()
     materials: dict[int, Any] = {}

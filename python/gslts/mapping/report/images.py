@@ -11,12 +11,11 @@ import numpy as np
 
 from gslts.io.images import RgbImage
 from gslts.mapping.report.data import CurvePoint
+from gslts.mapping.report.plot import Curve, plot_svg
 from gslts.types import Floats
 
 WIDTH_PX, JPEG_QUALITY = 320, 85
 """Maximum width of images on the page, px, and their JPEG quality."""
-INK = "#808080"
-"""Colour of axes and texts: readable on white and on black."""
 TRAINING, VALIDATION, GAUSSIANS = "#3b82c4", "#d9822b", "#4c9a5b"
 """Colours of the curves."""
 
@@ -71,10 +70,9 @@ def psnr_svg(curve: Sequence[CurvePoint]) -> str:
     Args:
         curve: Course of the optimization.
     """
-    figure, axes = _axes("s", "PSNR, dB")
     seconds = [point.seconds for point in curve]
     psnr_db = [point.training_psnr_db for point in curve]
-    axes.plot(seconds, psnr_db, color=TRAINING, label="training frames")
+    curves = [Curve(seconds, psnr_db, TRAINING, "training frames")]
     validation = [
         (point.seconds, point.validation_psnr_db)
         for point in curve
@@ -82,9 +80,8 @@ def psnr_svg(curve: Sequence[CurvePoint]) -> str:
     ]
     if validation:
         times, values = zip(*validation, strict=True)
-        axes.plot(times, values, "o-", color=VALIDATION, markersize=3, label="validation frames")
-    axes.legend(loc="lower right", frameon=False, labelcolor=INK)
-    return _svg(figure)
+        curves.append(Curve(times, values, VALIDATION, "validation frames", dots=True))
+    return _svg(plot_svg("s", "PSNR, dB", curves))
 
 
 def size_svg(curve: Sequence[CurvePoint]) -> str:
@@ -93,11 +90,9 @@ def size_svg(curve: Sequence[CurvePoint]) -> str:
     Args:
         curve: Course of the optimization.
     """
-    figure, axes = _axes("s", "Gaussians")
     seconds = [point.seconds for point in curve]
-    axes.plot(seconds, [point.gaussians for point in curve], color=GAUSSIANS)
-    axes.set_ylim(bottom=0)
-    return _svg(figure)
+    sizes = Curve(seconds, [point.gaussians for point in curve], GAUSSIANS)
+    return _svg(plot_svg("s", "Gaussians", [sizes], from_zero=True))
 
 
 def histogram_svg(values: Floats, name: str) -> str:
@@ -107,36 +102,13 @@ def histogram_svg(values: Floats, name: str) -> str:
         values: [F] sizes of the corrections.
         name: Label of the axis, with the unit.
     """
-    figure, axes = _axes(name, "poses")
-    axes.hist(values, bins=30, range=(0, max(float(values.max()), 1e-3)), color=TRAINING)
-    return _svg(figure)
+    counts, edges = np.histogram(values, bins=30, range=(0, max(float(values.max()), 1e-3)))
+    bars = Curve(edges.repeat(2)[1:-1].tolist(), counts.repeat(2).tolist(), TRAINING, filled=True)
+    return _svg(plot_svg(name, "poses", [bars], from_zero=True))
 
 
-def _axes(x: str, y: str) -> tuple[Any, Any]:
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5, 3.2), layout="constrained")
-    FigureCanvasSVG(figure)
-    axes = figure.subplots()
-    for patch in (figure.patch, axes.patch):
-        patch.set_alpha(0)
-    for side in axes.spines.values():
-        side.set_color(INK)
-    axes.tick_params(colors=INK)
-    axes.set_xlabel(x, color=INK)
-    axes.set_ylabel(y, color=INK)
-    axes.grid(visible=True, alpha=0.25)
-    return figure, axes
-
-
-def _svg(figure: Any) -> str:
-    from matplotlib import rc_context
-
-    buffer = io.BytesIO()
-    with rc_context({"svg.hashsalt": "gslts"}):  # Ids are the same in every run.
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return _address("image/svg+xml", buffer.getvalue())
+def _svg(text: str) -> str:
+    return _address("image/svg+xml", text.encode())
 
 
 def _encode(image: RgbImage, kind: str, **options: Any) -> str:

@@ -1,0 +1,1 @@
+"""Importing this raises an ImportError that says what the processor lacks."""
