@@ -12,7 +12,7 @@ LIBRARIES = (
     "distributed",
     "embreex",
     "numpy",
-    "opencv-python-headless",
+    "opencv-contrib-python-headless",
     "torch",
 )
 """Distributions whose versions are named in results, where they are installed."""
