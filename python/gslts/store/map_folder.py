@@ -90,7 +90,7 @@ def read_map(path: Path | str) -> GaussianMap:
     """
     folder, number = split_version(Path(path))
     if not folder.is_dir():
-        return read_map_file(path)
+        return read_map_file(Path(path))
     with open_map(folder) as store:
         return store.read(number)
 
