@@ -1,8 +1,8 @@
 """Versions of a map: bit-identical reading, atomic commits, damage and garbage."""
 
 import sqlite3
-from dataclasses import replace
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
