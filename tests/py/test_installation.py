@@ -5,6 +5,8 @@ import runpy
 import tomllib
 from pathlib import Path
 
+from gslts.cli import extra_with
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
@@ -50,3 +52,9 @@ def test_a_wheel_is_tested_with_what_is_installed(tmp_path: Path) -> None:
     assert script["imports_of"](path) == {"json", "missing_package.part"}
     assert script["is_installed"]("json")
     assert not script["is_installed"]("missing_package.part")
+
+
+def test_a_missing_package_names_its_extra() -> None:
+    assert extra_with("matplotlib.figure") == ": pip install 'gslts[sim]'"
+    assert extra_with("scipy") == ": pip install 'gslts[bench]'"
+    assert extra_with("numpy") == extra_with("gslts.nothing") == ""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, requires
 from typing import Annotated
 
 import typer
@@ -95,6 +96,23 @@ def describe(
     """
 
 
+def extra_with(module: str) -> str:
+    """Say which extra brings a package that is missing, for the end of a message.
+
+    Args:
+        module: Name of a module of the package, which is named like the package.
+
+    Returns:
+        The command, after a colon; "" if no extra brings it.
+    """
+    package = re.escape(module.partition(".")[0])
+    for requirement in requires("gslts") or []:
+        found = re.match(rf"{package}(?![\w\[-]).*extra == ['\"]([\w-]+)", requirement)
+        if found:
+            return f": pip install 'gslts[{found[1]}]'"
+    return ""
+
+
 def main() -> None:
     """Run a command; an error is one line on stderr and a non-zero exit status."""
     try:
@@ -107,5 +125,7 @@ def main() -> None:
         app(standalone_mode=True)
     except (OSError, ValueError, RuntimeError, ImportError, MemoryError) as error:
         message = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, ModuleNotFoundError) and error.name:
+            message += extra_with(error.name)
         print(f"gslts: {message}", file=sys.stderr)
         sys.exit(1)

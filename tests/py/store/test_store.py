@@ -1,6 +1,7 @@
 """Versions of a map: bit-identical reading, atomic commits, damage and garbage."""
 
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -206,7 +207,7 @@ def test_garbage_is_kept_if_a_file_is_missing(folder: Path, loss: str) -> None:
         next(path for path in blobs_of(folder) if path.stem == delta.key).unlink()
     else:
         other = ("0" if delta.key[0] != "0" else "1") + delta.key[1:]
-        with sqlite3.connect(folder / INDEX) as index:
+        with closing(sqlite3.connect(folder / INDEX)) as index, index:
             index.execute("UPDATE versions SET delta = ? WHERE number = 2", (other,))
     before = blobs_of(folder)
     with (
@@ -237,7 +238,7 @@ def test_invalid_values_in_the_index_are_damage(folder: Path, harm: str) -> None
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [addition("Mug")])
         store.add_rejection(REJECTED)
-    with sqlite3.connect(folder / INDEX) as index:
+    with closing(sqlite3.connect(folder / INDEX)) as index, index:
         index.execute(harm)
     with (
         MapStore(folder) as store,
