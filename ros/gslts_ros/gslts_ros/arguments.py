@@ -20,6 +20,7 @@ ARGUMENTS = {
     "build": "true: build the map from what the robot sees if there is none.",
     "record": "Folder for a recording of the frames, for gslts map.",
     "rate": "Maximum number of frames per second that are compared with the map.",
+    "view": "true: also show the map and the robot in the browser.",
     "publish_tf": "true: publish map -> odom on /tf, if no other localization of the robot does.",
     "viewpoints": "Maximum number of viewpoints of a round.",
     "radius": "Radius of the robot, m.",
@@ -28,7 +29,7 @@ ARGUMENTS = {
     "threads": "Number of threads; 0 uses all.",
 }
 """Options of `gslts ros` by name, with `_` for `-`; empty ones keep the default of the node."""
-SWITCHES = ("active", "build", "publish_tf")
+SWITCHES = ("active", "build", "view", "publish_tf")
 """Options that are given or not."""
 
 
