@@ -37,7 +37,7 @@ def test_demo_and_its_page(tmp_path: Path) -> None:
         page.page.get_by_label("Go to").first.click()
         page.page.get_by_role("option").filter(has_text=re.compile(r"\bmoved from")).first.click()
         page.page.wait_for_timeout(30_000)  # Software GL draws the last of the Gaussians.
-        image = Path(images or tmp_path) / "viewer.png"
-        page.page.screenshot(path=image)
+        image = Path(images or tmp_path) / "viewer.jpg"
+        page.page.screenshot(path=image, quality=85)
         assert page.errors == []
     assert_drawn(image)
