@@ -207,7 +207,7 @@ def _go_rounds(
     with MapKeeper(folder, config, log=lambda words: say(f"  {words}")) as keeper:
 
         def in_view(robot: Controller) -> WatchedRobot:
-            return WatchedRobot(robot, lambda frame: show(frame, describe_keeper(keeper)))
+            return WatchedRobot(robot, lambda frame: show(frame, lambda: describe_keeper(keeper)))
 
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:

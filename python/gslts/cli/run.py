@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from gslts.core.frame import RgbdFrame
     from gslts.core.robot import Robot
     from gslts.keeper.config import KeeperConfig
-    from gslts.keeper.schedule import DeferredChange
     from gslts.robots.sources import RobotSource
 
     RoundOf = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
@@ -131,7 +130,7 @@ def run(
             def in_map(driven: Robot) -> Robot:
                 return WatchedRobot(
                     localized(driven, keeper.localizer),
-                    lambda frame: show(frame, describe_keeper(keeper)),
+                    lambda frame: show(frame, lambda: describe_keeper(keeper)),
                 )
 
             first = keeper.begin_source(source)
@@ -157,7 +156,8 @@ def run(
                     f"stopped in round {keeper.state.round}; the same command continues there"
                 ) from None
             version = keeper.version
-    _echo_deferred(keeper.state.deferred)
+    for change in keeper.state.deferred:
+        typer.echo(change.describe())
     typer.echo(
         f"{last - first} round(s); {map_path} is version {version.number} now, "
         f"{len(keeper.state.deferred)} deferred; see gslts log {map_path}"
@@ -176,12 +176,6 @@ def _exchange(map_path: Path, log: Callable[[str], None]) -> None:
     for reason in done.given_up:
         log(f"given up: {reason}")
     log(f"shared version {done.version.number}: {done.pulled} pulled, {done.pushed} pushed")
-
-
-def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:
-    for change in deferred:
-        x, y, z = change.point
-        typer.echo(f"deferred: {change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {change.reason}")
 
 
 @contextmanager

@@ -26,7 +26,4 @@ def describe_keeper(keeper: MapKeeper) -> list[str]:
     memory_mib = resident_mib()
     if memory_mib is not None:
         lines.append(f"{memory_mib:.0f} MiB of memory")
-    for change in state.deferred:
-        x, y, z = change.point
-        lines.append(f"deferred: {change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {change.reason}")
-    return lines
+    return [*lines, *(change.describe() for change in state.deferred)]

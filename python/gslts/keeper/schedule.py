@@ -42,6 +42,11 @@ class DeferredChange(BaseModel):
     attempts: Annotated[int, Field(ge=1)]
     retry_round: Annotated[int, Field(ge=0)]
 
+    def describe(self) -> str:
+        """Return the change and the reason in one line."""
+        x, y, z = self.point
+        return f"deferred: {self.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {self.reason}"
+
     def matches(self, change: Change) -> bool:
         """Return whether a detected change is this one.
 

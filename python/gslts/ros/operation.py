@@ -209,7 +209,7 @@ class Operation:
 
             def on_judged(judged: Judged, is_key: bool) -> None:
                 self._publishing.judged(judged, keeper.gaussian_map)
-                show(judged.frame, describe_keeper(keeper))
+                show(judged.frame, lambda: describe_keeper(keeper))
                 if is_key and recorder is not None:
                     recorder.add(judged.frame)
 

@@ -11,8 +11,9 @@ from pathlib import Path
 from gslts.core.frame import RgbdFrame
 from gslts.viewer.live import LiveFeed
 
-ShowFrame = Callable[[RgbdFrame, Sequence[str]], None]
-"""Shows a frame of the robot, its pose that of the map, with lines about the robot's state."""
+ShowFrame = Callable[[RgbdFrame, Callable[[], Sequence[str]]], None]
+"""Shows a frame of the robot, its pose that of the map, with lines about the robot's state; see
+`LiveFeed.show`."""
 
 
 @contextmanager

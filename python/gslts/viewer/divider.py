@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.camera import Camera
+from gslts.core.camera import Camera, camera_from_fov
 from gslts.core.se3 import rotation_of_quat
 from gslts.io.images import RgbImage, to_rgb8
 from gslts.rendering.rasterizer import render
@@ -86,16 +86,8 @@ def _camera_of(client_camera: Any, origin: Floats) -> Camera:
     """
     aspect = np.clip(float(client_camera.aspect), 1 / MAX_ASPECT, MAX_ASPECT)
     height = round(WIDTH_PX / aspect)
-    focal_px = height / 2 / np.tan(float(client_camera.fov) / 2)
+    slope = np.tan(float(client_camera.fov) / 2) * WIDTH_PX / height  # fov is the vertical one.
     pose = np.eye(4)
     pose[:3, :3] = rotation_of_quat(np.asarray(client_camera.wxyz, np.float64))
     pose[:3, 3] = origin + np.asarray(client_camera.position, np.float64)
-    return Camera(
-        fx=focal_px,
-        fy=focal_px,
-        cx=WIDTH_PX / 2,
-        cy=height / 2,
-        width=WIDTH_PX,
-        height=height,
-        world_from_camera=pose,
-    )
+    return camera_from_fov(WIDTH_PX, height, 2 * float(np.arctan(slope)), pose)

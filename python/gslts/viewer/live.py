@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
@@ -55,7 +55,7 @@ class LiveFeed:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
-        self._newest: tuple[RgbdFrame, Sequence[str]] | None = None
+        self._newest: tuple[RgbdFrame, Callable[[], Sequence[str]]] | None = None
         self._changed, self._closing = threading.Condition(), threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
@@ -71,15 +71,18 @@ class LiveFeed:
         with suppress(OSError):  # The viewer was closed, and what was written last is lost.
             self._stream.close()
 
-    def show(self, frame: RgbdFrame, lines: Sequence[str] = ()) -> None:
-        """Send a frame soon, unless a newer one comes first.
+    def show(self, frame: RgbdFrame, describe: Callable[[], Sequence[str]]) -> None:
+        """Send a frame soon, unless a newer one comes first, or its pose is not known.
 
         Args:
             frame: Its pose is in the world of the map.
-            lines: State of the robot and of its map, in words.
+            describe: Returns the state of the robot and of its map in words; called from the
+                thread of the feed, for frames that are sent.
         """
+        if frame.fault is not None:
+            return
         with self._changed:
-            self._newest = frame, lines
+            self._newest = frame, describe
             self._changed.notify()
 
     def _work(self) -> None:
@@ -90,7 +93,8 @@ class LiveFeed:
             if newest is None:
                 return
             try:
-                self._stream.write(_encode(*newest))
+                frame, describe = newest
+                self._stream.write(_encode(frame, describe()))
                 self._stream.flush()
             except (OSError, ValueError):  # The viewer was closed.
                 return

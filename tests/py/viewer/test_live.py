@@ -4,6 +4,7 @@ import io
 import os
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def pipe() -> Iterator[tuple[io.BufferedReader, io.BufferedWriter]]:
 def test_frames_arrive(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> None:
     source, target = pipe
     with LiveFeed(target) as feed:
-        feed.show(frame_of(100), ["round 1", *["deferred"] * 100])
+        feed.show(frame_of(100), lambda: ["round 1", *["deferred"] * 100])
         live = next(read_live_frames(source))
     assert isinstance(live, LiveFrame)
     assert live.rgb.shape == (240, 320, 3)
@@ -53,7 +54,7 @@ def test_a_robot_waits_for_no_reader(pipe: tuple[io.BufferedReader, io.BufferedW
 
     def drive(feed: LiveFeed) -> None:
         for _ in range(100):  # More than any pipe holds.
-            feed.show(frame)
+            feed.show(frame, list)
         shown.set()
 
     with LiveFeed(target) as feed:
@@ -79,7 +80,8 @@ def test_other_streams(content: bytes) -> None:
 def test_image_that_is_cut(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> None:
     source, target = pipe
     with LiveFeed(target) as feed:
-        feed.show(frame_of(3))
+        feed.show(replace(frame_of(9), fault="lost"), list)  # Not sent.
+        feed.show(frame_of(3), list)
         whole = next(iter(lambda: source.read1(1 << 20), b""))
     with pytest.raises(OSError, match=r"identify|truncated"):
         next(read_live_frames(io.BytesIO(whole[:-50])))
