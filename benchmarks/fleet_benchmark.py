@@ -29,7 +29,7 @@ import numpy as np
 import obstore
 from fleet_capacity import UPDATE_PUTS, version_requests
 from request_meter import Cost, Meter
-from share_benchmark import CONTAINER, commit_update, object_store, store_environment
+from share_benchmark import AZURITE, commit_update, object_store
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.building import Building
@@ -261,8 +261,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, opened() as port:
         folder, bucket = Path(name), f"file://{name}/bucket"
         if azurite:
-            os.environ.update(store_environment(port))
-            bucket = f"az://{CONTAINER}"
+            os.environ.update(AZURITE.environment(port))
+            bucket = AZURITE.bucket
         few, _ = simulate_day(_new(folder / "few"), f"{bucket}/few", given.few)
         many, numbers = simulate_day(_new(folder / "many"), f"{bucket}/many", given.rooms)
     print_table(few, many, (given.few, given.rooms))

@@ -35,7 +35,7 @@ from gslts.store.records import ObjectEvent
 from gslts.update.publish import MAX_LANDMARK_BYTES
 
 sys.path.insert(0, str(Path(__file__).with_name("faults")))
-from object_store import CONTAINER, object_store, store_environment
+from object_store import AZURITE, object_store
 from shared_map_benchmark import proxy_before
 
 IMAGE_BYTES = 106_000
@@ -47,7 +47,7 @@ LANDMARK_BYTES = 64
 """Size of a landmark, bytes, about."""
 SH_DEGREE = 0
 """Of the maps: one colour each, as `gslts map --preset fast` makes."""
-URL = f"az://{CONTAINER}/map"
+URL = f"{AZURITE.bucket}/map"
 
 
 def random_delta(
@@ -122,7 +122,7 @@ def main() -> None:
         return random_delta(rng, before, given.touched, next_id)
 
     with tempfile.TemporaryDirectory() as name, object_store() as port:
-        os.environ.update(store_environment(port))
+        os.environ.update(AZURITE.environment(port))
         first, second = Path(name) / "first", Path(name) / "second"
         cameras = {f"{k:05}": camera(rng) for k in range(200)}
         write_map_folder(first, random_map(rng, given.gaussians, 0, SH_DEGREE), {}, cameras)
@@ -141,7 +141,7 @@ def main() -> None:
             pulls_s.append(seconds(lambda: pull_map(second)))
         commit_update(first, rng, make_delta)
         with proxy_before(port, rate=0.0) as (faulty, counts):
-            os.environ.update(store_environment(faulty))
+            os.environ.update(AZURITE.environment(faulty))
             push_map(first)
         results |= {
             "clone, s": clones_s,

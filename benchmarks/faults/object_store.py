@@ -1,8 +1,11 @@
-"""A real object store on this machine: Azurite, Microsoft's emulator of Azure Blob Storage.
+"""Real object stores on this machine, of S3 and of Azure, which tests and benchmarks start.
 
     npm install azurite
+    pip install 'moto[s3,server]'
 
-installs it; it is found on the path, or by the environment variable AZURITE.
+installs both: Azurite, Microsoft's emulator of Azure Blob Storage, and the S3 server of moto. They
+are found on the path, or by the environment variables AZURITE and MOTO_SERVER; Azurite also where
+`scripts/setup test` installs it.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from email.utils import formatdate
+from pathlib import Path
 from urllib.parse import urlencode
 
 ACCOUNT = "devstoreaccount1"
@@ -30,16 +35,85 @@ CONTAINER = "maps"
 """Bucket that is made in the new store."""
 START_S = 30.0
 """Maximum time of a start, s."""
+JUDGES = Path(__file__).resolve().parents[2] / "build" / "judges" / "node_modules" / ".bin"
+"""Programs of npm that `scripts/setup test` installs."""
 
 
-def find_azurite() -> str | None:
-    """Return the path of the program; None if it is not installed."""
-    return os.environ.get("AZURITE") or shutil.which("azurite-blob")
+@dataclass(frozen=True)
+class StoreProgram:
+    """A program that serves an object store.
+
+    Attributes:
+        scheme: Of the URLs of its buckets.
+        executable: File name of the program.
+        variable: Environment variable with its path.
+        package: Command that installs it.
+    """
+
+    scheme: str
+    executable: str
+    variable: str
+    package: str
+
+    @property
+    def bucket(self) -> str:
+        """URL of the bucket that is made in a new store."""
+        return f"{self.scheme}://{CONTAINER}"
+
+    def find(self) -> str | None:
+        """Return the path of the program; None if it is not installed."""
+        path = f"{os.environ.get('PATH', '')}{os.pathsep}{JUDGES}"
+        return os.environ.get(self.variable) or shutil.which(self.executable, path=path)
+
+    def arguments(self, port: int, folder: str) -> list[str]:
+        """Return the arguments of the program.
+
+        Args:
+            port: That it serves.
+            folder: Empty folder for its data.
+        """
+        if self is S3:
+            return ["--port", str(port)]
+        options = ["--silent", "--disableTelemetry", "--skipApiVersionCheck"]
+        return ["--blobPort", str(port), "--location", folder, *options]
+
+    def environment(self, port: int | str, *, read_only: bool = False) -> dict[str, str]:
+        """Return the environment variables with which obstore finds the store.
+
+        Args:
+            port: Of the store, or of a proxy in front of it.
+            read_only: Give credentials that only allow to read; of Azure alone.
+        """
+        if self is S3:
+            return {
+                "AWS_ACCESS_KEY_ID": ACCOUNT,
+                "AWS_SECRET_ACCESS_KEY": KEY,
+                "AWS_ENDPOINT": f"http://127.0.0.1:{port}",
+                "AWS_ALLOW_HTTP": "true",
+                "AWS_REGION": "us-east-1",
+            }
+        settings = {
+            "AZURE_STORAGE_ACCOUNT_NAME": ACCOUNT,
+            "AZURE_STORAGE_ENDPOINT": f"http://127.0.0.1:{port}/{ACCOUNT}",
+            "AZURE_ALLOW_HTTP": "true",
+        }
+        if read_only:
+            return {**settings, "AZURE_STORAGE_SAS_KEY": _reading_token()}
+        return {**settings, "AZURE_STORAGE_ACCOUNT_KEY": KEY}
+
+
+AZURITE = StoreProgram("az", "azurite-blob", "AZURITE", "npm install azurite")
+S3 = StoreProgram("s3", "moto_server", "MOTO_SERVER", "pip install 'moto[s3,server]'")
+PROGRAMS = {"azurite": AZURITE, "moto": S3}
+"""All stores by name."""
 
 
 @contextmanager
-def object_store() -> Iterator[int]:
+def object_store(program: StoreProgram = AZURITE) -> Iterator[int]:
     """Start an empty store with one bucket.
+
+    Args:
+        program: Of the store.
 
     Yields:
         Its port on this machine.
@@ -47,41 +121,25 @@ def object_store() -> Iterator[int]:
     Raises:
         OSError: It is not installed or does not start.
     """
-    program = find_azurite()
-    if program is None:
-        raise FileNotFoundError("azurite-blob is missing: npm install azurite, and set AZURITE")
+    path = program.find()
+    if path is None:
+        raise FileNotFoundError(
+            f"{program.executable} is missing: {program.package}, and set {program.variable}"
+        )
     port = free_port()
     with tempfile.TemporaryDirectory() as folder:
-        options = ["--silent", "--disableTelemetry", "--skipApiVersionCheck"]
         process = subprocess.Popen(
-            [program, "--blobPort", str(port), "--location", folder, *options],
+            [path, *program.arguments(port, folder)],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         try:
             _wait_for(process, port)
-            _create_container(port)
+            _create_bucket(program, port)
             yield port
         finally:
             process.terminate()
             process.wait()
-
-
-def store_environment(port: int | str, *, read_only: bool = False) -> dict[str, str]:
-    """Return the environment variables with which obstore finds a store.
-
-    Args:
-        port: Of the store, or of a proxy in front of it.
-        read_only: Give credentials that only allow to read.
-    """
-    settings = {
-        "AZURE_STORAGE_ACCOUNT_NAME": ACCOUNT,
-        "AZURE_STORAGE_ENDPOINT": f"http://127.0.0.1:{port}/{ACCOUNT}",
-        "AZURE_ALLOW_HTTP": "true",
-    }
-    if read_only:
-        return {**settings, "AZURE_STORAGE_SAS_KEY": _reading_token()}
-    return {**settings, "AZURE_STORAGE_ACCOUNT_KEY": KEY}
 
 
 def free_port() -> int:
@@ -98,28 +156,32 @@ def _wait_for(process: subprocess.Popen[bytes], port: int) -> None:
             if probe.connect_ex(("127.0.0.1", port)) == 0:
                 return
         time.sleep(0.05)
-    raise OSError("azurite-blob does not start")
+    raise OSError(f"{process.args}: the store does not start")
 
 
-def _create_container(port: int) -> None:
-    """Create the bucket, signed as Azure's Shared Key asks for; obstore makes no buckets."""
+def _create_bucket(program: StoreProgram, port: int) -> None:
+    """Create the bucket; obstore makes none. Azurite checks the signature, moto does not."""
+    path, headers = f"/{CONTAINER}", {"Content-Length": "0"}
+    if program is AZURITE:
+        path = f"/{ACCOUNT}/{CONTAINER}?restype=container"
+        headers |= _shared_key_headers()
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=START_S)
+    connection.request("PUT", path, headers=headers)
+    status = connection.getresponse().status
+    connection.close()
+    if status not in (http.client.OK, http.client.CREATED):
+        raise OSError(f"{program.executable}: the bucket cannot be made: status {status}")
+
+
+def _shared_key_headers() -> dict[str, str]:
+    """Return the headers of a request for a container, signed as Azure's Shared Key asks for."""
     date, version = formatdate(usegmt=True), "2021-12-02"
     text = (
         f"PUT{12 * chr(10)}x-ms-date:{date}\nx-ms-version:{version}\n"
         f"/{ACCOUNT}/{ACCOUNT}/{CONTAINER}\nrestype:container"
     )
-    headers = {
-        "x-ms-date": date,
-        "x-ms-version": version,
-        "Authorization": f"SharedKey {ACCOUNT}:{_sign(text)}",
-        "Content-Length": "0",
-    }
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=START_S)
-    connection.request("PUT", f"/{ACCOUNT}/{CONTAINER}?restype=container", headers=headers)
-    status = connection.getresponse().status
-    connection.close()
-    if status != http.client.CREATED:
-        raise OSError(f"azurite-blob: the bucket cannot be made: status {status}")
+    signature = f"SharedKey {ACCOUNT}:{_sign(text)}"
+    return {"x-ms-date": date, "x-ms-version": version, "Authorization": signature}
 
 
 def _reading_token() -> str:

@@ -1,12 +1,13 @@
 """Four robots write one shared map while they are killed and their requests fail.
 
     python benchmarks/faults/shared_map_benchmark.py --moments 500
+    python benchmarks/faults/shared_map_benchmark.py --moments 500 --store moto
     python benchmarks/faults/shared_map_benchmark.py --moments 500 --store folder
 
-The first command needs Azurite (`object_store.py`), Microsoft's emulator of Azure Blob Storage,
-behind `misbehaving_proxy.py`; the second one shares the map through a folder. Each robot commits
-updates of its room, and sometimes of one that all change, and pushes; it is killed at random times
-and goes on in its clone. At the end all exchange without faults. Then
+The first two commands need Azurite or moto, emulators of Azure Blob Storage and of S3
+(`object_store.py`), behind `misbehaving_proxy.py`; the last one shares the map through a folder.
+Each robot commits updates of its room, and sometimes of one that all change, and pushes; it is
+killed at random times and goes on in its clone. At the end all exchange without faults. Then
 
 - the versions of the shared map are 1, 2, 3, ..., and all of their files are intact,
 - no update is in it twice,
@@ -32,7 +33,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fault_injection import run_disturbed
-from object_store import CONTAINER, object_store, store_environment
+from object_store import AZURITE, PROGRAMS, object_store
 from shared_writer import given_up_rounds, own_rounds, work
 from subjects import check_map
 from synthetic_rooms import write_rooms
@@ -176,10 +177,10 @@ def find_problems(folder: Path, url: str, robots: list[Robot]) -> list[str]:
 
 @contextmanager
 def shared_map(store: str, folder: Path, rate: float, seed: int) -> Iterator[tuple[str, str, str]]:
-    """Provide a place for a shared map.
+    """Provide a bucket or a folder for a shared map.
 
     Args:
-        store: "azurite" or "folder".
+        store: Name of `PROGRAMS`, or "folder".
         folder: For the map of the store "folder".
         rate: Share of the requests with a fault.
         seed: Of the faults.
@@ -190,9 +191,10 @@ def shared_map(store: str, folder: Path, rate: float, seed: int) -> Iterator[tup
     if store == "folder":
         yield f"file://{folder}", "", ""
         return
-    with object_store() as port:
+    program = PROGRAMS[store]
+    with object_store(program) as port:
         with proxy_before(port, rate, seed) as (faulty, counts):
-            yield f"az://{CONTAINER}/rooms", faulty, str(port)
+            yield f"{program.bucket}/rooms", faulty, str(port)
         print(f"requests: {counts}", flush=True)
 
 
@@ -232,23 +234,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--store", choices=("azurite", "folder"), default="azurite")
+    parser.add_argument("--store", choices=(*PROGRAMS, "folder"), default="azurite")
     parser.add_argument("--moments", type=int, default=500, help="kills of all robots")
     parser.add_argument("--rate", type=float, default=0.2, help="share of requests with a fault")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        place = shared_map(arguments.store, folder / "bucket", arguments.rate, arguments.seed)
-        with place as (url, faulty, direct):
-            os.environ.update(store_environment(direct))
+        bucket = shared_map(arguments.store, folder / "bucket", arguments.rate, arguments.seed)
+        program = PROGRAMS.get(arguments.store, AZURITE)  # A folder needs no environment.
+        with bucket as (url, faulty, direct):
+            os.environ.update(program.environment(direct))
             # The network library of a process that used it does not work in its children.
             made = run_disturbed(folder, lambda: prepare(folder, url))
             if made.code != 0:
                 raise RuntimeError(f"the map cannot be shared: {made.summary}")
-            os.environ.update(store_environment(faulty))
+            os.environ.update(program.environment(faulty))
             robots = disturb(folder, url, arguments.moments, arguments.seed)
-            os.environ.update(store_environment(direct))
+            os.environ.update(program.environment(direct))
             problems = find_problems(folder, url, robots)
             with open_map(robots[0].folder) as store:
                 versions = len(store.versions())

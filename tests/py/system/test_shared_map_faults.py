@@ -6,20 +6,28 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import object_store
+import misbehaving_proxy
 import pytest
 from command import gslts
+from object_store import AZURITE, PROGRAMS, S3, StoreProgram, free_port, object_store
 from synthetic_rooms import change_room, write_rooms
 
-BENCHMARK = Path(object_store.__file__).with_name("shared_map_benchmark.py")
-AZURITE = pytest.mark.skipif(
-    object_store.find_azurite() is None,
-    reason="azurite-blob is not installed: npm install azurite, and set AZURITE",
-)
-URL = f"az://{object_store.CONTAINER}/rooms"
+BENCHMARK = Path(misbehaving_proxy.__file__).with_name("shared_map_benchmark.py")
 
 
-@pytest.mark.parametrize("store", ["folder", pytest.param("azurite", marks=AZURITE)])
+def needs(program: StoreProgram) -> pytest.MarkDecorator:
+    """Return the mark of tests that start a program."""
+    return pytest.mark.skipif(
+        program.find() is None,
+        reason=f"{program.executable} is missing: {program.package}, and set {program.variable}",
+    )
+
+
+STORES = ["folder", *(pytest.param(name, marks=needs(PROGRAMS[name])) for name in PROGRAMS)]
+URL = f"{AZURITE.bucket}/rooms"
+
+
+@pytest.mark.parametrize("store", STORES)
 def test_no_update_is_lost_or_doubled(store: str) -> None:
     done = subprocess.run(
         [sys.executable, BENCHMARK, "--store", store, "--moments", "8"],
@@ -38,13 +46,13 @@ def test_no_update_is_lost_or_doubled(store: str) -> None:
 @pytest.fixture
 def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Return the port of a store that is named by the environment."""
-    with object_store.object_store() as port:
-        for name, value in object_store.store_environment(port).items():
+    with object_store() as port:
+        for name, value in AZURITE.environment(port).items():
             monkeypatch.setenv(name, value)
         yield port
 
 
-@AZURITE
+@needs(AZURITE)
 def test_errors_of_a_store_are_one_line(
     tmp_path: Path, store: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -70,7 +78,7 @@ def test_errors_of_a_store_are_one_line(
         f"gslts: {URL}: there are no credentials: set AZURE_STORAGE_ACCOUNT_NAME and "
         "AZURE_STORAGE_ACCOUNT_KEY\n"
     )
-    reading = object_store.store_environment(store, read_only=True)
+    reading = AZURITE.environment(store, read_only=True)
     monkeypatch.setenv("AZURE_STORAGE_SAS_KEY", reading["AZURE_STORAGE_SAS_KEY"])
     assert failed("push", "map") == (
         f"gslts: {URL}: not permitted; check the credentials, and the clock of this machine\n"
@@ -78,8 +86,34 @@ def test_errors_of_a_store_are_one_line(
     assert (
         gslts("clone", URL, "clone", cwd=tmp_path).stdout == "clone is version 1: 300 Gaussians\n"
     )
-    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"http://127.0.0.1:{object_store.free_port()}/x")
+    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"http://127.0.0.1:{free_port()}/x")
     assert failed("pull", "map") == (
         f"gslts: {URL}: the store cannot be reached; check the network, the endpoint and the URL\n"
     )
     assert (tmp_path / "map" / "remote.json").read_bytes() == state
+
+
+@needs(S3)
+def test_errors_of_s3_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_rooms(tmp_path / "map")
+    with object_store(S3) as port:
+        for name, value in S3.environment(port).items():
+            monkeypatch.setenv(name, value)
+        url, absent = f"{S3.bucket}/rooms", "s3://absent/rooms"
+        assert gslts("push", "map", url, cwd=tmp_path).returncode == 0
+        done = gslts("clone", url, "clone", cwd=tmp_path)
+        assert done.stdout == "clone is version 1: 300 Gaussians\n"
+        for arguments, message in (
+            (("push", "map", absent), "there is no such bucket; create it, or check the URL"),
+            (
+                ("clone", absent, "new"),
+                "there is no shared map; check the URL and the bucket, or push one",
+            ),
+        ):
+            done = gslts(*arguments, cwd=tmp_path)
+            assert (done.returncode, done.stdout) == (1, "")
+            assert done.stderr == f"gslts: {absent}: {message}\n"
+    done = gslts("pull", "map", cwd=tmp_path)
+    assert done.stderr == (
+        f"gslts: {url}: the store cannot be reached; check the network, the endpoint and the URL\n"
+    )
