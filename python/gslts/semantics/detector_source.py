@@ -17,7 +17,7 @@ from gslts.semantics.box_masks import box_mask
 from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.class_names import ClassNames, read_class_names
 from gslts.semantics.detector import Detections, Detector
-from gslts.semantics.masks import paint_labels
+from gslts.semantics.masks import box_ious, paint_labels
 from gslts.semantics.source import Segments
 from gslts.semantics.text_model import TextModel
 from gslts.types import Floats32, Indices
@@ -112,7 +112,7 @@ class DetectorSource:
         kept = np.flatnonzero(columns >= 0)
         distributions = np.zeros((1 + len(kept), self.dims), np.float32)
         for row, detection in enumerate(kept, start=1):
-            same = kept[_ious(found.boxes[detection], found.boxes[kept]) >= SAME_IOU]
+            same = kept[box_ious(found.boxes[detection], found.boxes[kept]) >= SAME_IOU]
             np.maximum.at(distributions[row], 1 + columns[same], found.scores[same])
         distributions /= np.maximum(1, distributions.sum(axis=1, keepdims=True))
         distributions[:, 0] = 1 - distributions.sum(axis=1)
@@ -164,11 +164,3 @@ class DetectorSource:
             Such as '"mug": understood as cup (0.83)'; empty for a name.
         """
         return self._classes.explain(text)
-
-
-def _ious(box: Floats32, boxes: Floats32) -> Floats32:
-    """Return [K] intersection over union of a box (4,) with others [K,4]."""
-    low, high = np.maximum(box[:2], boxes[:, :2]), np.minimum(box[2:], boxes[:, 2:])
-    shared = np.prod(np.maximum(0, high - low), axis=1)
-    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
-    return np.asarray(shared / (areas + np.prod(box[2:] - box[:2]) - shared), np.float32)

@@ -15,6 +15,7 @@ from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.files import read_semantics
 from gslts.semantics.lift import FeatureView, lift_codes
+from gslts.semantics.masks import PixelBox, box_ious, box_of_mask
 from gslts.semantics.registry import open_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Bools, Floats32, Indices
@@ -26,6 +27,9 @@ MIN_MAJORITY = 0.5
 MIN_NAME_SCORE = 0.02
 """Minimum mean score of the class of a detector that names an object. That there is an object is
 known, so that it is less than a query needs: a detection of score 0.25 in one of eight views."""
+
+MIN_NAME_IOU = 0.3
+"""Minimum intersection over union of an object and of a detection that names it, in an image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +136,34 @@ class MapSemantics:
         counts = np.bincount(classes + 1, minlength=2)[1:]  # Without class -1.
         best = int(counts.argmax())
         return self.names[best] if counts[best] > MIN_MAJORITY * counts.sum() else None
+
+    def name_in_frames(self, frames: Iterable[tuple[RgbdFrame, PixelBox]]) -> str | None:
+        """Name an object by what a detector sees there in single frames.
+
+        A detection of something larger behind the object, or of a part of it, overlaps too little.
+
+        Args:
+            frames: Frames that show the object, and its bounding box in each.
+
+        Returns:
+            The class with the greatest sum of scores, weighted by the overlap; None if the
+            detector sees nothing there, or the source is no detector.
+        """
+        if not isinstance(self.codec, ClassCodec):
+            return None
+        votes = np.zeros(len(self.names), np.float32)
+        for frame, box in frames:
+            try:
+                segments = self.source.segments(frame)
+            except ValueError:
+                continue
+            for row, distribution in enumerate(segments.embeddings[1:], start=1):
+                seen = box_of_mask(segments.labels[0] == row)
+                if seen is not None:
+                    (overlap,) = box_ious(box, np.array([seen], np.float32))
+                    votes += distribution[1:] * (overlap if overlap >= MIN_NAME_IOU else 0)
+        best = int(votes.argmax())
+        return self.names[best] if votes[best] > 0 else None
 
     @staticmethod
     def _mean_scores(gaussian_map: GaussianMap, rows: Indices) -> Floats32:

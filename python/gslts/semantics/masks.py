@@ -7,6 +7,9 @@ from PIL import Image
 
 from gslts.types import Bools, Bytes, Floats32, Indices, Ints32
 
+PixelBox = tuple[int, int, int, int]
+"""Columns [x0, x1) and rows [y0, y1) of a box in an image, as (x0, y0, x1, y1)."""
+
 MAX_IOU = 0.8
 """Masks with a larger intersection over union are duplicates; the value of LangSplat."""
 
@@ -49,6 +52,38 @@ def paint_labels(masks: Bools) -> Ints32:
     return labels
 
 
+def box_of_mask(mask: Bools) -> PixelBox | None:
+    """Return the bounding box of a mask.
+
+    Args:
+        mask: [H,W] bool.
+
+    Returns:
+        Columns [x0, x1) and rows [y0, y1), as (x0, y0, x1, y1); None if the mask is empty.
+    """
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def box_ious(box: PixelBox | Floats32, boxes: Floats32) -> Floats32:
+    """Return the intersections over unions of a box with others.
+
+    Args:
+        box: (4,) x0, y0, x1, y1, px.
+        boxes: [K,4] float32, others.
+
+    Returns:
+        [K] float32, 0 to 1.
+    """
+    first = np.asarray(box, np.float32)
+    low, high = np.maximum(first[:2], boxes[:, :2]), np.minimum(first[2:], boxes[:, 2:])
+    shared = np.prod(np.maximum(0, high - low), axis=1)
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
+    return np.asarray(shared / (areas + np.prod(first[2:] - first[:2]) - shared), np.float32)
+
+
 def crop_to_mask(rgb: Bytes, mask: Bools, side_px: int) -> Bytes:
     """Crop an image to the bounding box of a mask, on black, as LangSplat does for CLIP.
 
@@ -60,8 +95,10 @@ def crop_to_mask(rgb: Bytes, mask: Bools, side_px: int) -> Bytes:
     Returns:
         [side_px,side_px,3] uint8; the crop is centred and keeps its aspect ratio.
     """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    found = box_of_mask(mask)
+    assert found is not None
+    x0, y0, x1, y1 = found
+    box = slice(y0, y1), slice(x0, x1)
     crop = np.where(mask[box][..., None], rgb[box], 0).astype(np.uint8)
     height, width = crop.shape[:2]
     side = max(height, width)

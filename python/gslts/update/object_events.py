@@ -46,8 +46,14 @@ def object_events(
     is_new = ~np.isin(result.part.ids, before.ids)
 
     def name_added(region: Region) -> str | None:
+        if semantics is None:
+            return None
+        boxes = ((view, region.project_box(view.camera, 0)) for view in result.views)
+        frames = [
+            (view.frame, box) for view, box in boxes if box is not None and view.shows_added(box)
+        ]
         rows = np.flatnonzero(is_new & gaussians_in_regions(result.part, [region], 0.0))
-        return None if semantics is None else semantics.name_of(result.part, rows)
+        return semantics.name_in_frames(frames) or semantics.name_of(result.part, rows)
 
     records = []
     for row, change in enumerate(result.changes):

@@ -77,6 +77,15 @@ class View:
         colors: Floats32 = (observed - offset) / gain
         return colors
 
+    def shows_added(self, box: tuple[int, int, int, int]) -> bool:
+        """Return whether an added object is visible in a box of the image.
+
+        Args:
+            box: Columns [x0, x1) and rows [y0, y1), as (x0, y0, x1, y1).
+        """
+        x0, y0, x1, y1 = box
+        return bool(self.after[y0:y1, x0:x1].any())
+
 
 def view_from_detection(
     detection: Detection, frame: RgbdFrame, regions: Iterable[Region]

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from gslts.core.camera import camera_from_fov, look_at
+from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.class_codec import ClassCodec
 from gslts.semantics.class_names import ClassNames
+from gslts.semantics.detector import Detections
 from gslts.semantics.detector_source import DetectorSource
 from gslts.semantics.lift import PRIOR_VIEWS, FeatureView, lift_codes
 from gslts.semantics.map_semantics import MapSemantics
@@ -151,3 +153,21 @@ def test_what_goes_on_around_an_object_does_not_name_it() -> None:
     assert semantics.name_of(both, cup) == "cup"
     features[cup, 2] = 0.6  # The sofa stands out by more.
     assert semantics.name_of(replace(both, features=features), cup) == "sofa"
+
+
+def test_an_object_is_named_by_detections_of_its_size() -> None:
+    """A cup that is detected in one frame, before a sofa that is detected in all."""
+    frame = RgbdFrame(
+        np.zeros((60, 80, 3), np.uint8),
+        np.ones((60, 80), np.float32),
+        camera_from_fov(80, 60, 0.9, np.eye(4)),
+    )
+    sofa = Detections(np.float32([[0, 0, 80, 50]]), np.float32([0.9]), np.array([1]))
+    both = Detections(
+        np.float32([[0, 0, 80, 50], [30, 20, 50, 40]]), np.float32([0.9, 0.3]), np.array([1, 0])
+    )
+    seen = iter([sofa, both, sofa, sofa])
+    detector = DetectorSource(ClassNames(NAMES), lambda _: next(seen))
+    semantics = MapSemantics(detector, CODEC, NAMES)
+    assert semantics.name_in_frames([(frame, (32, 21, 51, 41))] * 3) == "cup"
+    assert semantics.name_in_frames([(frame, (32, 21, 51, 41))]) is None
