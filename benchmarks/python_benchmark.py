@@ -12,7 +12,7 @@ from cpp_benchmark import Timing
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import SH_C0
-from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
+from gslts_bench.synthetic_rooms import NEAR_PLANE_M, Room, make_room
 
 Calls = dict[str, Callable[[], object]]
 """Functions by case: forward, and forward with backward, on one thread with SH degree 0."""
@@ -52,7 +52,7 @@ def numpy_calls(room: Room) -> Calls:
         logit_opacities=full.logit_opacities,
         sh=full.sh[:, :1],
     )
-    options = gslts.RenderOptions(near_m=NEAR_M, alpha_min=1 / 255, threads=1)
+    options = gslts.RenderOptions(near_m=NEAR_PLANE_M, alpha_min=1 / 255, threads=1)
     gradients = image_gradients(room)
     rasterizer = gslts.Rasterizer(np.float32)
 
@@ -87,7 +87,7 @@ def torch_calls(room: Room) -> Calls:
         "Ks": torch.tensor([K], dtype=torch.float32),
         "width": camera.width,
         "height": camera.height,
-        "near_plane": NEAR_M,
+        "near_plane": NEAR_PLANE_M,
     }
     gradients = image_gradients(room)
     dL_dimage = torch.from_numpy(gradients["dL_drgb"])[None]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.types import Floats, Ints
-from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
+from gslts_bench.synthetic_rooms import NEAR_PLANE_M, Room, make_room
 
 # The constants of 3DGS (Kerbl et al. 2023), as in gslts::raster::RenderOptions.
 ALPHA_MIN = 1 / 255
@@ -79,7 +79,7 @@ def project(room: Room) -> Footprints:
     rotation = camera_from_world[:3, :3]
     x_in_camera = gaussian_map.means @ rotation.T + camera_from_world[:3, 3]
     opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities.astype(float)))
-    keep = np.flatnonzero((x_in_camera[:, 2] > NEAR_M) & (opacities >= ALPHA_MIN))
+    keep = np.flatnonzero((x_in_camera[:, 2] > NEAR_PLANE_M) & (opacities >= ALPHA_MIN))
     keep = keep[np.argsort(x_in_camera[keep, 2], kind="stable")]
     x, y, z = x_in_camera[keep].T
     f, w, h = camera.fx, camera.width, camera.height

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts_bench.synthetic_rooms import NEAR_M, SIZES, Room, make_room
+from gslts_bench.synthetic_rooms import NEAR_PLANE_M, SIZES, Room, make_room
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "build" / "bench" / "workloads"
@@ -48,7 +48,7 @@ def write_workload(room: Room, path: Path) -> None:
     with partial.open("wb") as file:
         file.write(MAGIC)
         file.write(np.array([gaussian_map.size, camera.width, camera.height], "<u8").tobytes())
-        intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M]
+        intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, NEAR_PLANE_M]
         file.write(np.array(intrinsics, "<f8").tobytes())
         file.write(camera.world_from_camera.astype("<f8").tobytes())
         for array in (

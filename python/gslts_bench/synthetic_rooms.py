@@ -33,7 +33,7 @@ EYE, TARGET = np.array([1.0, 0.9, 1.5]), np.array([6.0, 5.0, 1.2])
 HORIZONTAL_FOV_RAD = np.pi / 2
 """Horizontal field of view of the camera."""
 
-NEAR_M = 0.2
+NEAR_PLANE_M = 0.2
 """Near plane with which the rooms are rendered."""
 
 OBJECT_HALF_SIZE_M = (0.15, 0.5)

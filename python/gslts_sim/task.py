@@ -71,7 +71,7 @@ class Change(StrictModel):
 
 
 class ViewpointSets(StrictModel):
-    """Test viewpoints, nearer and farther than `task_viewpoints.NEAR_M`."""
+    """Test viewpoints, nearer and farther than `task_viewpoints.MAX_NEAR_VIEW_M`."""
 
     near: Viewpoints
     far: Viewpoints

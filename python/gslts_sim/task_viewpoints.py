@@ -14,7 +14,7 @@ from gslts_sim.task import VIEWPOINTS, ViewpointSets
 from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
 from gslts_sim.walkable import floor_of
 
-NEAR_M = 1.75
+MAX_NEAR_VIEW_M = 1.75
 """Distance between the camera and the changed object below which a test viewpoint is near, m."""
 VIEW_DISTANCE_M = (0.7, 5.0)
 """Minimum and maximum distance of a viewpoint from the object's centre, in every state, m: within
@@ -114,7 +114,7 @@ def near_and_far_viewpoints(
             state = (turn + number) % len(targets)
             target = targets[state]
             eye = camera_positions(home, position[None])
-            found = near if float(np.linalg.norm(eye - target.center)) < NEAR_M else far
+            found = near if float(np.linalg.norm(eye - target.center)) < MAX_NEAR_VIEW_M else far
             if len(found) == VIEWPOINTS or visible[state][number] < MIN_VISIBLE_FRACTION:
                 continue
             viewpoint = viewpoint_towards(home, position, target.center, _jitter(rng))

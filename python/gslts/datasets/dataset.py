@@ -219,7 +219,7 @@ def pinhole(
     )
 
 
-def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+def resize_camera(camera: Camera, size: tuple[int, int]) -> Camera:
     """Return a camera that shows the same with another number of pixels.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gslts.datasets.arkit import pose_from_arkit
-from gslts.datasets.dataset import MAX_SIDE_PX, Dataset, gather, name_of, pinhole, resized
+from gslts.datasets.dataset import MAX_SIDE_PX, Dataset, gather, name_of, pinhole, resize_camera
 from gslts.datasets.files import image_file, read_json
 from gslts.datasets.image_frame import ImageFrame, image_size
 
@@ -92,7 +92,7 @@ def _frame(path: Path, stem: str, prefix: str) -> ImageFrame:
         camera,
         depth,
         time_s=int(stem) * 1e-6 if stem.isdecimal() else 0.0,
-        depth_camera=resized(camera, image_size(depth)),
+        depth_camera=resize_camera(camera, image_size(depth)),
         confidence=confidence if confidence.exists() else None,
         border_px=BORDER_PX if prefix else 0,
     )

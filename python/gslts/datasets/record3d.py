@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gslts.core.camera import Camera
 from gslts.datasets.arkit import pose_from_arkit
-from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, reason_of, resized
+from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, reason_of, resize_camera
 from gslts.datasets.files import MissingImageError, read_bounded, read_json
 from gslts.datasets.image_frame import image_size
 from gslts.datasets.packed import PackedFrame
@@ -121,7 +121,7 @@ def open_record3d(path: Path) -> Dataset:
             if not file.is_file():
                 raise MissingImageError(file.name, kind)
         camera = _camera(metadata, number, image_size(rgb))
-        depth_camera = resized(camera, (metadata.dw, metadata.dh))
+        depth_camera = resize_camera(camera, (metadata.dw, metadata.dh))
         confidence = root / layout.confidence.format(number) if layout.confidence else None
         times_s = metadata.frameTimestamps
         return PackedFrame(
@@ -151,7 +151,7 @@ def _camera(metadata: _Metadata, number: int, size: tuple[int, int]) -> Camera:
         intrinsics = per_frame[number]
     x, y, z, w, *translation = metadata.poses[number]
     pose = pose_from_arkit(pose_from_quat((w, x, y, z), translation))
-    return resized(pinhole(intrinsics, (metadata.w, metadata.h), pose), size)
+    return resize_camera(pinhole(intrinsics, (metadata.w, metadata.h), pose), size)
 
 
 ReadDepth = Callable[[Any, Any, tuple[int, int]], Floats32]

@@ -24,7 +24,7 @@ from gslts.datasets.dataset import (
     name_of,
     pinhole,
     reason_of,
-    resized,
+    resize_camera,
     rigid,
 )
 from gslts.datasets.files import MissingImageError, image_file, read_bounded, read_rows
@@ -118,7 +118,7 @@ def _frame(path: Path, prefix: str, row: list[str], of_camera: bool) -> ImageFra
         depth = image_file(path, f"{prefix}depth/{rgb.stem}.png", "depth image")
         size = image_size(depth)
         if size != (camera.width, camera.height):
-            depth_camera = resized(camera, size)
+            depth_camera = resize_camera(camera, size)
     confidence = path / f"{prefix}confidence" / f"{rgb.stem}.png"
     return ImageFrame(
         rgb,

@@ -104,11 +104,11 @@ def run_units(units: Sequence[Unit], jobs: Jobs, bar: Any) -> dict[str, list[Res
     left = {unit.name: max(0, unit.count - len(read_results(unit.results))) for unit in units}
     bar.reset(total=sum(left.values()))
     topic, waiting = f"gslts-{uuid4()}", iter(units)
-    with _connected(jobs) as client:
+    with _connect(jobs) as client:
         from distributed import CancelledError, KilledWorker, as_completed
 
         client.subscribe_topic(topic, partial(_count, left, bar))
-        expected = _expected()
+        expected = _expected_workers()
         found: dict[str, list[Result]] = {}
         running, units_of = as_completed(), {}
 
@@ -193,7 +193,7 @@ def _failure(unit: Unit, reason: str) -> Result:
 
 
 @contextmanager
-def _connected(jobs: Jobs) -> Iterator[Client]:
+def _connect(jobs: Jobs) -> Iterator[Client]:
     """Connect to workers that run what runs here."""
     try:
         from distributed import Client
@@ -215,7 +215,9 @@ def _connected(jobs: Jobs) -> Iterator[Client]:
     with client:
         if not client.nthreads():
             raise RuntimeError(f"{jobs}: no workers; start some: dask worker {jobs} --nthreads 1")
-        for worker, answer in client.run(_difference, _expected(), on_error="return").items():
+        for worker, answer in client.run(
+            _difference, _expected_workers(), on_error="return"
+        ).items():
             if answer is not None:
                 raise RuntimeError(f"{jobs}: worker {worker}: {answer}")
         yield client
@@ -267,7 +269,7 @@ def _without_ctrl_c() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _expected() -> dict[str, Any]:
+def _expected_workers() -> dict[str, Any]:
     """Return what workers must have: the installation, single threads, and the current folder."""
     single = {**dict.fromkeys(THREADS, "1"), "number of threads": 1}
     return {**describe_installation(), **single, "folder": str(Path.cwd())}
@@ -300,7 +302,7 @@ def _work(pickled: bytes, expected: dict[str, Any], topic: str) -> list[Result]:
     os.chdir(expected["folder"])
     cv2.setNumThreads(1)
     unit: Unit = pickle.loads(pickled)
-    with _opened(unit.results) as file:
+    with _open_results(unit.results) as file:
         results = read_results(unit.results)
 
         def add(result: Result) -> None:
@@ -317,7 +319,7 @@ def _work(pickled: bytes, expected: dict[str, Any], topic: str) -> list[Result]:
 
 
 @contextmanager
-def _opened(path: Path | None) -> Iterator[IO[bytes]]:
+def _open_results(path: Path | None) -> Iterator[IO[bytes]]:
     """Open a file of results for this process alone, without a last line that was cut off."""
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)

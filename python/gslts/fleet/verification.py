@@ -61,7 +61,7 @@ def reject_all(cause: VersionCause, reason: str) -> Verdict:
         reason: For `gslts log`.
     """
     changes = cause.changes if isinstance(cause, UpdateCause) else ()
-    return Verdict(rejected=[_rejected(cause, changes, reason)])
+    return Verdict(rejected=[_rejection(cause, changes, reason)])
 
 
 def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
@@ -107,7 +107,7 @@ def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
             rival = attempt.describe_rival(cause.changes[row].boxes)
             reasons[row] = f"it does not fit what {rival} shows; observe it again"
     rejected = [
-        _rejected(cause, (change,), reason)
+        _rejection(cause, (change,), reason)
         for change, reason in zip(cause.changes, reasons, strict=True)
         if reason is not None
     ]
@@ -189,7 +189,7 @@ def _regions(change: ChangeRecord) -> list[Region]:
     return regions
 
 
-def _rejected(
+def _rejection(
     cause: VersionCause, changes: tuple[ChangeRecord, ...], reason: str
 ) -> RejectedUpdateCause:
     number_of_round = cause.round if isinstance(cause, UpdateCause) else None

@@ -172,21 +172,21 @@ class _Reader:
 
     def quats(self) -> Floats32:
         rotations = self.floats(f"{EXTENSION}:ROTATION", "VEC4")
-        exact = self._stored("_ROTATION", "VEC4", rotations, derive_rotations)
+        exact = self._stored_array("_ROTATION", "VEC4", rotations, derive_rotations)
         return np.roll(rotations if exact is None else exact, 1, axis=1)
 
     def log_scales(self) -> Floats32:
         name = f"{EXTENSION}:SCALE"
         scales = self.floats(name, "VEC3")
         self._require(name, scales, scales >= 0, "0 or more")
-        exact = self._stored("_LOG_SCALE", "VEC3", scales, derive_scales)
+        exact = self._stored_array("_LOG_SCALE", "VEC3", scales, derive_scales)
         return log_scales_of(scales).astype(np.float32) if exact is None else exact
 
     def logit_opacities(self) -> Floats32:
         name = f"{EXTENSION}:OPACITY"
         opacities = self.floats(name, "SCALAR")
         self._require(name, opacities, (opacities >= 0) & (opacities <= 1), "0 to 1")
-        exact = self._stored("_LOGIT_OPACITY", "SCALAR", opacities, derive_opacities)
+        exact = self._stored_array("_LOGIT_OPACITY", "SCALAR", opacities, derive_opacities)
         return logits_of(opacities).astype(np.float32) if exact is None else exact
 
     def harmonics(self) -> Floats32:
@@ -220,7 +220,7 @@ class _Reader:
             self.file.reject(f"{name} has {accessor.count} entries, POSITION {self.count}")
         return accessor
 
-    def _stored(
+    def _stored_array(
         self, name: str, kind: str, derived: Floats32, derive: Callable[[Floats32], Floats32]
     ) -> Floats32 | None:
         """Return what a map stored, if the attribute derived from it is still that of the file."""

@@ -19,7 +19,7 @@ NO_DEPTH = (40, 40, 40)
 """RGB of pixels without depth: dark grey, which the colour map does not have."""
 DEPTH_COLORS, ERROR_COLORS, HEAT_COLORS = "turbo_r", "inferno", "turbo"
 """Colour maps of OpenCV, `_r` reversed: near is red, far blue; no error is black; hot is red."""
-NEAR_M = 0.05
+MIN_BOX_DEPTH_M = 0.05
 """Distance to the camera below which boxes are not drawn, m; their projection would diverge."""
 
 
@@ -154,7 +154,7 @@ def draw_box(
 
     pose = camera.world_from_camera
     x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
-    if (z < NEAR_M).any():
+    if (z < MIN_BOX_DEPTH_M).any():
         return
     pixels = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1)
     ends = (scale * pixels).round().clip(-9999, 9999).astype(int).tolist()

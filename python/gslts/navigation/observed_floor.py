@@ -76,7 +76,7 @@ class ObservedFloor:
         is_floor = is_level & (heights >= -MAX_BELOW_FLOOR_M)
         counts = self.grid.sums(points[is_obstacle], np.ones(int(is_obstacle.sum())))
         obstacles = counts >= MIN_OBSTACLE_POINTS
-        floor = _closed(self.grid.mask(points[is_floor])) & ~obstacles
+        floor = _close_gaps(self.grid.mask(points[is_floor])) & ~obstacles
         own = self.cells_within(frame.camera.world_from_camera[:2, 3], self._body.radius_m)
         self._seen |= obstacles | floor | own
         self._evidence += obstacles.astype(np.int8) - floor.astype(np.int8)
@@ -114,7 +114,7 @@ class ObservedFloor:
         return SemanticMap(self.grid, layers, (), self.floor_m)
 
 
-def _closed(mask: Bools) -> Bools:
+def _close_gaps(mask: Bools) -> Bools:
     """Return a mask [M,M] without the gaps between the rows of pixels of far floor."""
     square = np.ones((CLOSING_CELLS, CLOSING_CELLS), np.uint8)
     return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, square) > 0

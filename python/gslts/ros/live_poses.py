@@ -113,7 +113,7 @@ class TopicPoses:
             ValueError: The pose is not finite, its quaternion is zero, or its stamp is zero.
         """
         pose = getattr(message.pose, "pose", message.pose)
-        time_ns = _checked(message.header, pose.position, pose.orientation)
+        time_ns = _stamp_of_pose(message.header, pose.position, pose.orientation)
         with self._lock:
             self.world = frame_name(message.header.frame_id)
             self._child = frame_name(getattr(message, "child_frame_id", ""))
@@ -185,7 +185,9 @@ class TfPoses:
         """
         for transform in message.transforms:
             pose = transform.transform
-            time_ns = _checked(transform.header, pose.translation, pose.rotation, timeless=fixed)
+            time_ns = _stamp_of_pose(
+                transform.header, pose.translation, pose.rotation, timeless=fixed
+            )
             with self._lock:
                 self._tree.add(transform, fixed)
                 if not fixed:
@@ -256,7 +258,7 @@ def _memory(newest_ns: int, time_ns: int) -> tuple[int, int]:
     return last_ns - POSE_HISTORY_NS, last_ns
 
 
-def _checked(header: Any, position: Any, rotation: Any, *, timeless: bool = False) -> int:
+def _stamp_of_pose(header: Any, position: Any, rotation: Any, *, timeless: bool = False) -> int:
     """Return the stamp of a pose, ns; raise ValueError if the pose or the stamp is invalid."""
     numbers = [getattr(position, name) for name in "xyz"]
     quaternion = [getattr(rotation, name) for name in "xyzw"]

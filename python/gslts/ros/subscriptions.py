@@ -73,7 +73,7 @@ class Subscriptions:
             kind = Odometry
         if topic:
             from_topic = TopicPoses(self._config.mount)
-            add = self._guarded(topic, from_topic.add)
+            add = self._guard(topic, from_topic.add)
             node.create_subscription(kind, topic, add, qos_profile_sensor_data)
             self._expected[topic] = kind
             return from_topic
@@ -87,8 +87,8 @@ class Subscriptions:
                 ) from None
             return NoPoses()
         tf = TfPoses(self._config.world)
-        moving = self._guarded("/tf", lambda message: tf.add(message, fixed=False))
-        fixed = self._guarded("/tf_static", lambda message: tf.add(message, fixed=True))
+        moving = self._guard("/tf", lambda message: tf.add(message, fixed=False))
+        fixed = self._guard("/tf_static", lambda message: tf.add(message, fixed=True))
         node.create_subscription(TFMessage, "/tf", moving, QoSProfile(depth=TF_DEPTH))
         static = QoSProfile(depth=TF_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(TFMessage, "/tf_static", fixed, static)
@@ -107,7 +107,7 @@ class Subscriptions:
                 kind, name, lambda m, a=add, n=name: a(n, m), qos_profile_sensor_data, raw=True
             )
         if topics.label_names:
-            names = self._guarded(
+            names = self._guard(
                 topics.label_names, lambda message: self.intake.add_label_names(message.data)
             )
             node.create_subscription(String, topics.label_names, names, LATCHED)
@@ -119,7 +119,7 @@ class Subscriptions:
         except Exception as error:  # rclpy raises errors of any kind for damaged messages.
             raise ValueError(f"a message cannot be read: {error}") from None
 
-    def _guarded(self, topic: str, add: Callable[[Any], None]) -> Callable[[Any], None]:
+    def _guard(self, topic: str, add: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback that reports what is wrong with a message."""
 
         def on_message(message: Any) -> None:

@@ -65,7 +65,7 @@ class TypedRequests:
             left = [waiter for waiters in self._waiting.values() for waiter in waiters]
             self._waiting.clear()
         for waiter in left:
-            waiter.put(_failed(ENDING))
+            waiter.put(_failure(ENDING))
         self._thread.join()
         self._executor.shutdown()
         self._actions.destroy()
@@ -92,14 +92,14 @@ class TypedRequests:
             self._executor.spin_once(timeout_sec=POLL_S)
 
     def _on_query(self, request: Query.Request, response: Query.Response) -> Query.Response:
-        answer = self._submitted("query", request.words).get()
+        answer = self._submit("query", request.words).get()
         response.status, response.reason = answer["status"], answer.get("reason", "")
         response.frame_id, response.version = answer.get("frame_id", ""), answer.get("version", 0)
         response.objects = [_found_object(item) for item in answer.get("objects", ())]
         return response
 
     def _on_errand(self, goal: Any) -> GoTo.Result:
-        waiter = self._submitted("go", goal.request.words)
+        waiter = self._submit("go", goal.request.words)
         while True:
             try:
                 answer = waiter.get(timeout=FEEDBACK_S)
@@ -113,7 +113,7 @@ class TypedRequests:
             goal.abort()
         return errand_result(answer)
 
-    def _submitted(self, kind: str, text: str) -> queue.SimpleQueue[Answer]:
+    def _submit(self, kind: str, text: str) -> queue.SimpleQueue[Answer]:
         """Submit words, and return where their answer comes."""
         waiter: queue.SimpleQueue[Answer] = queue.SimpleQueue()
         try:
@@ -132,7 +132,7 @@ class TypedRequests:
                     self._waiting[kind, words].remove(waiter)
                 raise
         except ValueError as error:
-            waiter.put(_failed(str(error)))
+            waiter.put(_failure(str(error)))
         return waiter
 
 
@@ -164,5 +164,5 @@ def _found_object(item: Answer) -> FoundObject:
     return FoundObject(center=pose, size=size, score=item["score"])
 
 
-def _failed(reason: str) -> Answer:
+def _failure(reason: str) -> Answer:
     return {"status": "failed", "reason": reason}

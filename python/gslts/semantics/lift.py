@@ -47,7 +47,7 @@ def lift_codes(
     if not isinstance(codec, ClassCodec):
         return lift_features(gaussian_map, views, codec.code_dims, threads)
     sums = np.zeros((gaussian_map.size, codec.code_dims), np.float32)
-    for rows, columns, features, weights in _lifted(gaussian_map, views, threads):
+    for rows, columns, features, weights in _lift_views(gaussian_map, views, threads):
         sums[np.ix_(rows, columns)] += features / (weights[:, None] + 1)
     totals = sums.sum(axis=1, keepdims=True)
     sums[:, 0] += np.where(totals[:, 0] > 0, PRIOR_VIEWS, 0)
@@ -70,13 +70,13 @@ def lift_features(
     """
     sums = np.zeros((gaussian_map.size, dims), np.float32)
     totals = np.zeros((gaussian_map.size, 1), np.float32)
-    for rows, columns, features, weights in _lifted(gaussian_map, views, threads):
+    for rows, columns, features, weights in _lift_views(gaussian_map, views, threads):
         sums[np.ix_(rows, columns)] += features
         totals[rows, 0] += weights
     return np.asarray(np.divide(sums, totals, out=sums, where=totals > 0), np.float32)
 
 
-def _lifted(
+def _lift_views(
     gaussian_map: GaussianMap, views: Iterable[FeatureView], threads: int
 ) -> Iterator[tuple[UInts32, Indices, Floats32, Floats32]]:
     """Lift views: rows [V] of Gaussians, columns [C], weighted features [V,C], weights [V].

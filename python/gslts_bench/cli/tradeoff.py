@@ -82,7 +82,7 @@ def tradeoff(
     Example: gslts tradeoff out/map out/kitchen_3 --out out/tradeoff
     """
     from gslts.store.map_folder import read_map
-    from gslts_bench.synthetic_rooms import NEAR_M, make_room
+    from gslts_bench.synthetic_rooms import NEAR_PLANE_M, make_room
 
     if mapped is not None:
         if dataset is None or map_path is not None:
@@ -105,7 +105,7 @@ def tradeoff(
         room, title = make_room(scene), f"Room {scene}"
         stem = f"tradeoff_{scene}"
         _measure_rendering(
-            room.gaussian_map, room.camera, title, out, stem, render_threads, rounds, NEAR_M
+            room.gaussian_map, room.camera, title, out, stem, render_threads, rounds, NEAR_PLANE_M
         )
 
 

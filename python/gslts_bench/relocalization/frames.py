@@ -32,7 +32,7 @@ CHANGES = 3
 """Number of changes that are in view at once."""
 VIEWS_PER_SET = 4
 """Number of viewpoints per set of changes, near one that sees all of them."""
-NEAR_M, NEAR_DEG = 0.3, 20.0
+MAX_OFFSET_M, MAX_TURN_DEG = 0.3, 20.0
 """Maximum distance of a viewpoint from that one in x and in y, and in yaw."""
 
 
@@ -149,14 +149,16 @@ def draw_viewpoint_near(viewpoint: Viewpoint, home: Home, rng: np.random.Generat
     """
     floor = floor_of(home)
     for _ in range(TRIES):
-        place: Floats = np.round(viewpoint.position + rng.uniform(-NEAR_M, NEAR_M, 2), 3)
-        if floor.can_stand(place):
+        position: Floats = np.round(
+            viewpoint.position + rng.uniform(-MAX_OFFSET_M, MAX_OFFSET_M, 2), 3
+        )
+        if floor.can_stand(position):
             break
     else:
-        place = viewpoint.position
-    turn_deg = float(rng.uniform(-NEAR_DEG, NEAR_DEG))
+        position = viewpoint.position
+    turn_deg = float(rng.uniform(-MAX_TURN_DEG, MAX_TURN_DEG))
     return Viewpoint.at(
-        place, round((viewpoint.yaw_deg + turn_deg) % 360, 1), viewpoint.horizon_deg
+        position, round((viewpoint.yaw_deg + turn_deg) % 360, 1), viewpoint.horizon_deg
     )
 
 

@@ -19,7 +19,7 @@ from gslts.types import Floats, Ints32
 from gslts_sim.robot_body import camera_direction
 from gslts_sim.thor.frame import in_world, yaw_in_world
 
-NEAR_M, FAR_M = 0.1, 20.0
+NEAR_PLANE_M, FAR_PLANE_M = 0.1, 20.0
 """Clipping planes of the agent's camera, m; the defaults of `ai2thor.server.Server`."""
 
 
@@ -71,7 +71,7 @@ def camera_of(event: Any) -> Camera:
     )
 
 
-def frame_of(event: Any, near_m: float = NEAR_M, far_m: float = FAR_M) -> RgbdFrame:
+def frame_of(event: Any, near_m: float = NEAR_PLANE_M, far_m: float = FAR_PLANE_M) -> RgbdFrame:
     """Return the agent's RGB-D frame.
 
     Args:

@@ -18,7 +18,14 @@ from gslts.core.frame import RgbdFrame
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.robot_body import HORIZON_DEG
-from gslts_sim.thor.event import FAR_M, NEAR_M, ThorObject, camera_of, frame_of, objects_of
+from gslts_sim.thor.event import (
+    FAR_PLANE_M,
+    NEAR_PLANE_M,
+    ThorObject,
+    camera_of,
+    frame_of,
+    objects_of,
+)
 from gslts_sim.thor.frame import in_world, unity_from_world, unity_yaw_from_world
 
 CHANGES = ("InitialRandomSpawn", "DisableObject", "EnableObject", "PlaceObjectAtPoint")
@@ -53,7 +60,7 @@ class ThorRobot:
     """
 
     def __init__(
-        self, controller: ThorController, near_m: float = NEAR_M, far_m: float = FAR_M
+        self, controller: ThorController, near_m: float = NEAR_PLANE_M, far_m: float = FAR_PLANE_M
     ) -> None:
         self._controller = controller
         self._planes_m = (near_m, far_m)

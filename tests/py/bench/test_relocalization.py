@@ -11,8 +11,8 @@ from gslts.mapping.config import MappingConfig
 from gslts_bench.homes import BenchHome, HomeSetup
 from gslts_bench.relocalization.fold import units_of
 from gslts_bench.relocalization.frames import (
-    NEAR_DEG,
-    NEAR_M,
+    MAX_OFFSET_M,
+    MAX_TURN_DEG,
     VIEWS_PER_SET,
     Batch,
     draw_viewpoint_near,
@@ -77,8 +77,8 @@ def test_viewpoints_nearby_are_reachable() -> None:
     viewpoints = [draw_viewpoint_near(viewpoint, home, rng) for _ in range(20)]
     for near in viewpoints:
         assert floor.can_stand(near.position)
-        assert np.abs(near.position - viewpoint.position).max() <= NEAR_M
-        assert abs((near.yaw_deg - viewpoint.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
+        assert np.abs(near.position - viewpoint.position).max() <= MAX_OFFSET_M
+        assert abs((near.yaw_deg - viewpoint.yaw_deg + 180) % 360 - 180) <= MAX_TURN_DEG + 0.1
         assert near.horizon_deg == 20
     assert len({near.yaw_deg for near in viewpoints}) > 10
 

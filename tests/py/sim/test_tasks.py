@@ -13,7 +13,7 @@ from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.home import Home
 from gslts_sim.home_source import FileSource, HomeSource
 from gslts_sim.task import VIEWPOINTS, Task, read_task, write_task
-from gslts_sim.task_viewpoints import FIRST_VIEW_FRACTION, NEAR_M
+from gslts_sim.task_viewpoints import FIRST_VIEW_FRACTION, MAX_NEAR_VIEW_M
 from gslts_sim.tasks import TaskMaker, generate_tasks, homes_of
 
 COUNT = 12
@@ -114,7 +114,11 @@ def test_test_viewpoints_see_the_change(
                 assert max(int(mask.sum()) for mask in masks) >= 3
                 eye = events[0].camera.world_from_camera[:3, 3]
                 metres = np.linalg.norm(middles - eye, axis=1)
-                assert (metres < NEAR_M).any() if first == 1 else (metres >= NEAR_M).any()
+                assert (
+                    (metres < MAX_NEAR_VIEW_M).any()
+                    if first == 1
+                    else (metres >= MAX_NEAR_VIEW_M).any()
+                )
 
 
 def test_same_seed_same_tasks(tasks: list[Task], source_and_home: tuple[HomeSource, Home]) -> None:
