@@ -200,9 +200,7 @@ def opened_door() -> tuple[GaussianMap, int]:
     kept = front.select((np.abs(x) > 0.4) | (z < 0.4) | (z > 1.6))
     behind = replace(behind, means=behind.means + np.float32([0, 2, 0]))
     names = ("means", "quats", "log_scales", "logit_opacities", "sh")
-    arrays = {
-        name: np.concatenate([getattr(kept, name), getattr(behind, name)]) for name in names
-    }
+    arrays = {name: np.concatenate([getattr(kept, name), getattr(behind, name)]) for name in names}
     ids = np.concatenate([kept.ids, front.size + behind.ids])
     return GaussianMap(**arrays, ids=ids), front.size
 

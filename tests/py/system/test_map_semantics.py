@@ -95,7 +95,9 @@ def test_what_came_by_another_name_is_not_what_is_gone() -> None:
     rows = new_rows(result)
     came = rows[result.gaussian_map.means[rows, 0] < 2.8]
     assert map_semantics().name_of(result.gaussian_map, came) == "Block"
-    assert [event.type for event in object_events(embedded_map()[0], result, [], map_semantics())] == [
+    assert [
+        event.type for event in object_events(embedded_map()[0], result, [], map_semantics())
+    ] == [
         "Box",
         "Block",
     ]
