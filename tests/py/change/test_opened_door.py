@@ -1,4 +1,4 @@
-"""What an update draws behind a door that opened is no evidence of changes there."""
+"""Detection behind a door that opened: what an update draws there is no evidence of changes."""
 
 from dataclasses import replace
 
