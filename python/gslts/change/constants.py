@@ -82,8 +82,12 @@ MIN_BLURRED_SHARE = 0.08
 # Regions that cannot be judged.
 MIN_UNKNOWN_SHARE = 0.01
 """Minimum share of the image of a region that is reported as unknown."""
+MIN_WITNESSES, MAX_WITNESS_SHARE = 3, 0.05
+"""Minimum number of training cameras that must have seen a position, or through it, so that it is
+known: what fewer saw, the map may have at a wrong depth. With few cameras, this share of them
+suffices, rounded up: maps of 4 to 8 frames know nothing better."""
 MIN_SEEN_SHARE = 0.5
-"""Minimum share of a surface's samples that training cameras saw, or saw through."""
+"""Minimum share of a surface's samples at known positions."""
 MAX_THROUGH_SHARE = 0.3
 """Maximum share of the cameras that saw through a surface of the map, among those that saw it or
 through it. Of 73 true removals in a kitchen and the bookstore at most 0.13, of false ones from

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -17,8 +18,10 @@ from gslts.change.constants import (
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
     MAX_HALVINGS,
+    MAX_WITNESS_SHARE,
     MIN_ERROR_ALPHA,
     MIN_MEASURED_WEIGHT,
+    MIN_WITNESSES,
     NEAR_SIGMAS,
     POSE_STDS,
 )
@@ -123,9 +126,10 @@ class ChangeDetector:
         self._drawn = gaussian_map.with_features(drawn.astype(np.float32))
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
-        self._visibility = Visibility(
-            gaussian_map, choose_evenly(self.cameras, MAX_CAMERAS), self.config.threads
-        )
+        witnesses = choose_evenly(self.cameras, MAX_CAMERAS)
+        self._visibility = Visibility(gaussian_map, witnesses, self.config.threads)
+        share = math.ceil(MAX_WITNESS_SHARE * len(witnesses))
+        self._min_witnesses = min(MIN_WITNESSES, share)
         self._rasterizer = Rasterizer(np.float32)
         self._in_use = threading.Lock()
 
@@ -339,7 +343,7 @@ class ChangeDetector:
     def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
         """Count how the training cameras saw the samples of a surface."""
         counts = self._visibility.counts(np.array(surface.samples))
-        seen = counts.on + counts.through > 0
+        seen = counts.on + counts.through >= self._min_witnesses
         return _core.Visibility(
             on_surface=counts.on.sum(),
             seen_through=counts.through.sum(),

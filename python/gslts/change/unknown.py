@@ -53,7 +53,7 @@ def surface_fault(surface: Surface) -> str | None:
     if seen is None:
         return None
     if seen.known_share < MIN_SEEN_SHARE:
-        return "no training camera saw this position"
+        return "too few training cameras saw this position"
     total = seen.on_surface + seen.seen_through
     if surface.side == Side.BEFORE and seen.seen_through > MAX_THROUGH_SHARE * total:
         return "training cameras saw through this surface of the map"

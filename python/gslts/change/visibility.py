@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,11 +18,11 @@ from gslts.change.constants import (
     VISIBILITY_RANGE_M,
     VISIBILITY_WIDTH_PX,
 )
-from gslts.core.camera import Camera
+from gslts.core.camera import Camera, TrainingCamera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.measurements import surface_margin_m
-from gslts.types import Bools, Floats, Ints
+from gslts.types import Bools, Floats, Floats32, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,9 @@ class VisibilityCounts:
 class Visibility:
     """Tests points against depth images rendered at the training cameras, each when needed.
 
+    A `TrainingCamera` saw no farther than what was there at its time: behind a door that was
+    closed then, it saw nothing.
+
     Args:
         gaussian_map: float32.
         cameras: Training cameras of the map.
@@ -54,10 +58,14 @@ class Visibility:
             RenderOptions(far_m=VISIBILITY_RANGE_M, threads=threads),
         )
         self._rasterizer = Rasterizer(np.float32)
+        self._newest_id = int(gaussian_map.ids.max(initial=0))
+        cameras = tuple(cameras)
         self._cameras = small = [_scale(camera) for camera in cameras]
+        self._next_ids = [c.next_id if isinstance(c, TrainingCamera) else None for c in cameras]
         # All depth images in one array; the first element stands for pixels outside every image.
         ends = np.cumsum([1, *(camera.width * camera.height for camera in small)])
         self._depths = np.zeros(ends[-1], np.float32)
+        self._ranges = np.full(ends[-1], np.inf, np.float32)  # How far each camera saw.
         self._first = ends[:-1, None]
         self._rendered = np.zeros(len(small), np.bool_)
         self._camera_from_world = np.array(
@@ -117,20 +125,50 @@ class Visibility:
         inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
         self._render(np.flatnonzero(inside.any(axis=1) & ~self._rendered))
         columns, rows = (np.where(inside, place, 0).astype(np.int64) for place in (u, v))
-        depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
-        margin = surface_margin_m(z)
-        through = (z > 0) & (depths > z + margin)
-        on = (depths > 0) & (np.abs(depths - z) <= margin)
+        pixels = np.where(inside, self._first + rows * width + columns, 0)
+        depths, margin = self._depths[pixels], surface_margin_m(z)
+        in_range = (z > 0) & (z <= self._ranges[pixels] + margin)
+        through = in_range & (depths > z + margin)
+        on = in_range & (depths > 0) & (np.abs(depths - z) <= margin)
         return through, on, z
 
     def _render(self, rows: NDArray[np.intp]) -> None:
         """Render the depth images of some cameras."""
+        older, older_than = self._map, None
         for row in rows:
-            images = self._rasterizer.forward(self._map, self._cameras[row], self._options)
-            depth = np.where(images.alpha > 0.5, images.depth, 0).ravel()
             first = int(self._first[row, 0])
-            self._depths[first : first + len(depth)] = depth
+            depth = self._depth(self._map, self._cameras[row])
+            pixels = slice(first, first + depth.size)
+            self._depths[pixels] = depth.ravel()
+            next_id = self._next_ids[row]
+            if next_id is not None and self._newest_id >= next_id:
+                if next_id != older_than:
+                    older, older_than = self._map.select(self._map.ids < next_id), next_id
+                seen = _fill_holes(self._depth(older, self._cameras[row]))
+                self._ranges[pixels] = seen.ravel()
             self._rendered[row] = True
+
+    def _depth(self, gaussian_map: GaussianMap, camera: Camera) -> Floats32:
+        """Return [H,W] the depth of the surfaces that a camera sees, m; 0 where there is none."""
+        images = self._rasterizer.forward(gaussian_map, camera, self._options)
+        return np.where(images.alpha > 0.5, images.depth, 0).astype(np.float32)
+
+
+def _fill_holes(depth: Floats32) -> Floats32:
+    """Return [H,W] depths with those of the nearest pixel where there are none.
+
+    What was removed since had about the depth of what is around it.
+    """
+    holes = (depth <= 0).astype(np.uint8)
+    if not holes.any() or holes.all():
+        return depth
+    _, labels = cv2.distanceTransformWithLabels(
+        holes, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    by_label = np.zeros(labels.max() + 1, np.float32)
+    by_label[labels[holes == 0]] = depth[holes == 0]
+    filled: Floats32 = by_label[labels]
+    return filled
 
 
 def _scale(camera: Camera) -> Camera:

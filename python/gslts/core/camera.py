@@ -12,6 +12,7 @@ from gslts.types import Floats
 
 __all__ = [
     "Camera",
+    "TrainingCamera",
     "at_pose",
     "camera_from_fov",
     "downscale",
@@ -24,6 +25,31 @@ __all__ = [
 
 NEW_VIEWPOINT_M, NEW_VIEWPOINT_RAD = 0.4, np.deg2rad(20)
 """Distance and angle between viewing directions up to which two cameras show much the same."""
+
+
+class TrainingCamera(Camera):
+    """Camera of a frame from which a version of a map was made.
+
+    Args:
+        camera: Intrinsics and pose.
+        next_id: `next_id` of that version: Gaussians with this id or a greater one are newer than
+            the frame, and so may be what they show.
+
+    Attributes:
+        next_id: See above.
+    """
+
+    def __init__(self, camera: Camera, next_id: int) -> None:
+        super().__init__(
+            fx=camera.fx,
+            fy=camera.fy,
+            cx=camera.cx,
+            cy=camera.cy,
+            width=camera.width,
+            height=camera.height,
+            world_from_camera=camera.world_from_camera,
+        )
+        self.next_id = next_id
 
 
 def at_pose(camera: Camera, world_from_camera: Floats) -> Camera:

@@ -59,13 +59,14 @@ def place_frames(
     track = _Track(list(frames.values()), relocalizer, on_frame)
     track.find_scouts()
     track.drop_outliers()
+    if track.anchors:  # Between the scouts there may be more, such as the first frames of a robot.
+        track.track_others()
+        track.drop_outliers()
     if len(track.anchors) < MIN_ANCHORS:
         raise ValueError(
             f"{len(track.anchors)} of {len(frames)} frames show what the map knows, {MIN_ANCHORS} "
             "are needed: is it of another scene? Record frames that also show a part of the map"
         )
-    track.track_others()
-    track.drop_outliers()
     names, placed, unplaced = list(frames), {}, []
     for k, name in enumerate(names):
         gap = track.broken_gap(k)

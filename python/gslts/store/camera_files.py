@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from gslts.core.camera import Camera, at_pose, new_viewpoints
+from gslts.core.camera import Camera, TrainingCamera, at_pose, new_viewpoints
 from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
 from gslts.store.causes import UpdateFrame, ViewsCause, first_problem
@@ -93,8 +93,13 @@ def cameras_of_store(store: History, number: int | None = None) -> dict[str, Cam
         store: History of the map.
         number: Of the version; None means the newest.
     """
-    cameras = read_cameras(store.folder / CAMERAS)
-    for version in store.lineage(number):
+    lineage = store.lineage(number)
+    first_id = lineage[0].next_id
+    cameras: dict[str, Camera] = {
+        name: TrainingCamera(camera, first_id)
+        for name, camera in read_cameras(store.folder / CAMERAS).items()
+    }
+    for version in lineage:
         cameras |= cameras_of_version(version)
     return cameras
 
@@ -115,7 +120,7 @@ def cameras_of_version(version: Version) -> dict[str, Camera]:
         return {}
     names = {f"version {version.number}/{k}": f for k, f in enumerate(version.cause.frames)}
     return {
-        name: _parse_camera(frame.model_dump(), None, name)
+        name: TrainingCamera(_parse_camera(frame.model_dump(), None, name), version.next_id)
         for name, frame in names.items()
         if frame.new_viewpoint
     }

@@ -12,6 +12,7 @@ import numpy as np
 from gslts._core import detect as _core
 from gslts.change.changes import Box, Change
 from gslts.change.detector import Detection
+from gslts.change.unknown import surface_fault
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
@@ -134,10 +135,14 @@ def _judge(
         reason = skipped[0] if skipped else "the robot offers no other frame"
         return "unknown", f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
     log_odds = [_log_odds(region, detection) for _, detection in own]
-    if sum(log_odds) <= 0:
-        count = sum(value > 0 for value in log_odds)
+    judged = [value for value in log_odds if not isinstance(value, str)]
+    if len(judged) < MIN_VIEWS:
+        reason = next(value for value in log_odds if isinstance(value, str))
+        return "unknown", f"{len(judged)} view(s) can judge it, {MIN_VIEWS} are needed: {reason}"
+    if sum(judged) <= 0:
+        count = sum(value > 0 for value in judged)
         what = "a removed object" if region.side == "before" else "an added object"
-        return "not shown", f"only {count} of {len(own)} views show {what} there"
+        return "not shown", f"only {count} of {len(judged)} views show {what} there"
     changed = measured = 0
     for view, detection in own:
         before, after = region_masks(detection, view.changed.shape, [region])
@@ -150,11 +155,17 @@ def _judge(
     return "shown", ""
 
 
-def _log_odds(region: Region, detection: Detection) -> float:
-    """Return the bounded log-odds of a change in a region, from one view."""
+def _log_odds(region: Region, detection: Detection) -> float | str:
+    """Return the bounded log-odds of a change in a region, or why a view cannot judge it."""
+    own = [surface for surface in detection.surfaces if region.matches(surface)]
+    faults = [surface_fault(surface) for surface in own]
     confidences = [
-        _core.confidence(surface) for surface in detection.surfaces if region.matches(surface)
+        _core.confidence(surface)
+        for surface, fault in zip(own, faults, strict=True)
+        if fault is None
     ]
+    if not confidences and any(faults):
+        return next(filter(None, faults))
     confidence = np.clip(max(confidences, default=0.0), 1e-9, 1 - 1e-9)
     return float(np.clip(np.log(confidence / (1 - confidence)), -MAX_LOG_ODDS, MAX_LOG_ODDS))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -157,14 +157,14 @@ def integrate_changes(
     training, validation = split_views(
         collection.views, collection.regions_by_change, config.collect.validation_every
     )
+    if record.rejected is None and semantics is not None:
+        updated, collection = _name(before, updated, collection, training, semantics, config)
+        kinds = tuple(change.kind for change in collection.changes)
+        record = record.model_copy(update={"kinds": kinds})
     confirmed, rejected = collection.changes, collection.rejected
     if record.rejected is not None:
         rejected += tuple((change, record.rejected) for change in confirmed)
         confirmed = ()
-    elif semantics is not None:
-        new = _needs_features(before, updated, collection, config.edit.margin_m)
-        frames = [(view.frame, view.changed) for view in training]
-        updated = semantics.update_features(updated, new, frames, config.threads)
     views = (*training, *validation)
     moved: tuple[Bools, ...] = ()
     if confirmed:
@@ -319,25 +319,43 @@ def _integrate_once(
     return refined.gaussian_map, by_itself, record
 
 
-def _needs_features(
-    before: GaussianMap, updated: GaussianMap, collection: Collection, margin_m: float
-) -> Bools:
-    """Return [N] Gaussians whose semantic features are recomputed from the frames.
+def _name(
+    before: GaussianMap,
+    updated: GaussianMap,
+    collection: Collection,
+    training: Sequence[View],
+    semantics: MapSemantics,
+    config: UpdateConfig,
+) -> tuple[GaussianMap, Collection]:
+    """Return the map with semantic features of what is new.
 
-    A relocated object keeps its features, and so does a shifted one with all that stands on it.
+    A relocated object keeps its features, and so does a shifted one with all that stands on it. If
+    the frames call what came by another name than the map calls what is gone, these are two
+    objects, and two changes.
     """
-    new = ~np.isin(updated.ids, before.ids)
+    frames = [(view.frame, view.changed) for view in training]
+    new, removed = ~np.isin(updated.ids, before.ids), ~np.isin(before.ids, updated.ids)
     by_change = list(zip(collection.changes, collection.regions_by_change, strict=True))
     replaced = [region for change, own in by_change for region in own if change.kind != "shift"]
-    new |= gaussians_in_regions(updated, replaced, SEMANTICS_MARGIN_M)
-    destinations = [
-        region
-        for change, own in by_change
-        for region in own
-        if change.kind == "relocation" and region.side == "after"
-    ]
-    relocated = gaussians_in_regions(updated, destinations, margin_m)
-    return new & ~(relocated & updated.features.any(axis=1))
+    stale = new | gaussians_in_regions(updated, replaced, SEMANTICS_MARGIN_M)
+    observed = semantics.update_features(updated, stale, frames, config.threads)
+    features, apart = observed.features.copy(), []
+    for change, regions in by_change:
+        if change.kind != "relocation":
+            apart.append(False)
+            continue
+        (old,), (destination,) = (
+            [region for region in regions if region.side == side] for side in ("before", "after")
+        )
+        gone = np.flatnonzero(removed & gaussians_in_regions(before, [old], 0.0))
+        came = np.flatnonzero(new & gaussians_in_regions(updated, [destination], 0.0))
+        names = {semantics.name_of(before, gone), semantics.name_of(observed, came)}
+        apart.append(len(names - {None}) == 2)
+        if not apart[-1]:
+            near = gaussians_in_regions(updated, [destination], config.edit.margin_m)
+            kept = near & updated.features.any(axis=1)
+            features[kept] = updated.features[kept]
+    return replace(observed, features=features), collection.separate(apart)
 
 
 class _Clock:

@@ -111,6 +111,23 @@ class Collection:
             views = [render_view(view, left.move(gaussian_map), threads) for view in views]
         return replace(left, views=tuple(views))
 
+    def separate(self, apart: Sequence[bool]) -> Collection:
+        """Return the collection with some relocations as a removal and an addition each.
+
+        Args:
+            apart: Of each change, True for such relocations.
+        """
+        parts: list[tuple[Change, tuple[Region, ...], Bools]] = []
+        for change, regions, rows, unlike in zip(
+            self.changes, self.regions_by_change, self.moved, apart, strict=True
+        ):
+            if unlike:
+                parts += [(change.end(region.side), (region,), rows) for region in regions]
+            else:
+                parts.append((change, regions, rows))
+        changes, regions_by_change, moved = zip(*parts, strict=True)
+        return replace(self, changes=changes, regions_by_change=regions_by_change, moved=moved)
+
 
 def collect_views(
     robot: Robot,

@@ -135,7 +135,7 @@ def _turn_to_hall(room: Home, number: int, corner: Floats, *, north: bool) -> tu
 
 
 def _door_of(room: Home) -> HomeObject:
-    return next(obj for obj in room.objects if obj.type == "Doorway")
+    return next(obj for obj in room.objects if obj.type == "Door")
 
 
 def _move_room(room: Home, door: HomeObject, turn: Floats, number: int) -> Home:

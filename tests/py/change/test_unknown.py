@@ -51,7 +51,7 @@ def test_single_pixels_are_not_listed() -> None:
         (
             Side.AFTER,
             Visibility(on_surface=1, seen_through=1, known_share=0.2),
-            "no training camera saw this position",
+            "too few training cameras saw this position",
         ),
         (
             Side.BEFORE,

@@ -1,11 +1,13 @@
 """Visibility counts for a wall 2 m ahead, made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gslts.change import visibility
 from gslts.change.visibility import Visibility
-from gslts.core.camera import Camera, at_pose, look_at
+from gslts.core.camera import Camera, TrainingCamera, at_pose, look_at
 from gslts.core.gaussian_map import GaussianMap
 from gslts.store.measurements import SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE
 
@@ -186,3 +188,54 @@ def test_many_points_are_tested_in_parts(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_array_equal(again.through, once.through)
     np.testing.assert_array_equal(again.on, once.on)
     np.testing.assert_array_equal(space.visible(points, 1.9), shown)
+
+
+def opened_door() -> tuple[GaussianMap, int]:
+    """Return the wall without a door of 0.8 x 1.2 m, and a newer wall 2 m behind it.
+
+    The second value is greater than the ids of the wall with the door.
+    """
+    front, behind = wall(), wall()
+    x, _, z = front.means.T
+    kept = front.select((np.abs(x) > 0.4) | (z < 0.4) | (z > 1.6))
+    behind = replace(behind, means=behind.means + np.float32([0, 2, 0]))
+    names = ("means", "quats", "log_scales", "logit_opacities", "sh")
+    arrays = {name: np.concatenate([getattr(kept, name), getattr(behind, name)]) for name in names}
+    ids = np.concatenate([kept.ids, front.size + behind.ids])
+    return GaussianMap(**arrays, ids=ids), front.size
+
+
+BEHIND_DOOR = ((0.0, 2.5, 1.0), (0.0, 4.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("point", "now"), [(BEHIND_DOOR[0], BEFORE), (BEHIND_DOOR[1], ON)], ids=["space", "surface"]
+)
+def test_a_camera_saw_nothing_behind_a_door_that_opened_later(
+    point: tuple[float, float, float], now: tuple[int, int]
+) -> None:
+    gaussian_map, next_id = opened_door()
+    before = Visibility(gaussian_map, [TrainingCamera(CAMERA, next_id)], 1)
+    assert counts_at(before, point) == [UNSEEN]
+    assert not before.visible(np.array([point]), 9.0).any()
+    after = TrainingCamera(CAMERA, int(gaussian_map.ids.max()) + 1)
+    for camera in (after, CAMERA):
+        assert counts_at(Visibility(gaussian_map, [camera], 1), point) == [now]
+
+
+def test_a_camera_knows_what_was_before_the_door() -> None:
+    gaussian_map, next_id = opened_door()
+    space = Visibility(gaussian_map, [TrainingCamera(CAMERA, next_id)], 1)
+    wall_beside, in_the_door = (0.6, WALL_Y_M, 1.0), (0.0, WALL_Y_M, 1.0)
+    points = ((0.0, 1.0, 1.0), wall_beside, in_the_door)
+    assert counts_at(space, *points) == [BEFORE, ON, BEFORE]
+
+
+def test_a_camera_knows_the_space_of_an_object_that_came_later() -> None:
+    cup = replace(wall(-0.2, 0.2), means=wall(-0.2, 0.2).means - np.float32([0, 0.5, 0]))
+    names = ("means", "quats", "log_scales", "logit_opacities", "sh")
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in (wall(), cup)]) for name in names
+    }
+    space = Visibility(GaussianMap(**arrays), [TrainingCamera(CAMERA, wall().size)], 1)
+    assert counts_at(space, (0.0, 1.5, 1.0), (0.0, 1.0, 1.0)) == [ON, BEFORE]

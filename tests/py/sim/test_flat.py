@@ -52,7 +52,7 @@ def test_objects_of_a_room_are_those_of_its_home() -> None:
         obj for obj in flat().objects if obj.id.endswith(f"|{number}") and obj.id.count("|") == 2
     ]
     assert sorted(obj.id for obj in own) == sorted(
-        f"{obj.id}|{number}" for obj in alone.objects if obj.type != "Doorway"
+        f"{obj.id}|{number}" for obj in alone.objects if obj.type != "Door"
     )
 
 
@@ -85,7 +85,7 @@ def test_the_door_of_a_room_opens_to_another_one(room: str, other: str, seed: in
     assert problems(after) == []
     ids = [obj.id for obj in after.objects]
     assert len(set(ids)) == len(ids)
-    kept = {obj.id: obj for obj in before.objects if obj.type != "Doorway"}
+    kept = {obj.id: obj for obj in before.objects if obj.type != "Door"}
     assert all(obj is kept[obj.id] for obj in after.objects if obj.id in kept)
     assert kept.keys() <= set(ids)
     inside = Controller(before).reachable_positions()

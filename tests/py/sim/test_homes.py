@@ -39,7 +39,7 @@ def test_each_room_has_its_typical_objects(room_type):
     for seed in range(8):
         home = coarse_home(room_type, seed)
         types = {obj.type for obj in home.objects}
-        assert types >= expected | {"Floor", "Wall", "Ceiling", "Window", "Doorway"}, home.name
+        assert types >= expected | {"Floor", "Wall", "Ceiling", "Window", "Door"}, home.name
         surfaces = sum(obj.receptacle for obj in home.objects)
         assert surfaces >= 6, home.name
 

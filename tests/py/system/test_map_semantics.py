@@ -27,6 +27,7 @@ from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.object_events import object_events
 from gslts.update.publish import publish
 from gslts.update.region import Region
 from gslts.update.selection import gaussians_in_regions
@@ -34,14 +35,19 @@ from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 
 
-def updated(kind: update_room.Kind, *, labels: bool = True) -> UpdateResult:
+def updated(
+    kind: update_room.Kind, *, labels: bool = True, renamed: dict[str, str] | None = None
+) -> UpdateResult:
     gaussian_map, _ = embedded_map()
     cameras = list(change_room.mapped()[1].values())
 
     class Robot(Controller):
         def observe(self) -> RgbdFrame:
             frame = super().observe()
-            return frame if labels else replace(frame, labels=None)
+            if not labels or frame.labels is None:
+                return replace(frame, labels=None)
+            types = tuple((renamed or {}).get(name, name) for name in frame.labels.types)
+            return replace(frame, labels=replace(frame.labels, types=types))
 
     robot = Robot(update_room.changed_home(kind), **change_room.SIZE)
     robot.go(change_room.VIEWPOINTS[0])
@@ -80,6 +86,21 @@ def test_a_relocated_object_keeps_its_features_at_its_new_position() -> None:
     np.testing.assert_allclose(center[:2], (2.6, 1.7), atol=0.05)
     known = {row.tobytes() for row in embedded_map()[0].features}
     assert all(row.tobytes() in known for row in result.gaussian_map.features[rows])
+
+
+def test_what_came_by_another_name_is_not_what_is_gone() -> None:
+    result = updated("relocation", renamed={"Box": "Block"})
+    assert [change.kind for change in result.changes] == ["removal", "addition"]
+    assert result.record.kinds == ("removal", "addition")
+    rows = new_rows(result)
+    came = rows[result.gaussian_map.means[rows, 0] < 2.8]
+    assert map_semantics().name_of(result.gaussian_map, came) == "Block"
+    assert [
+        event.type for event in object_events(embedded_map()[0], result, [], map_semantics())
+    ] == [
+        "Box",
+        "Block",
+    ]
 
 
 def test_a_shifted_object_and_what_stands_on_it_keep_their_features() -> None:

@@ -8,6 +8,7 @@ import pytest
 import update_room
 from update_room import COLLECT, REMOVED
 
+from gslts.core.camera import at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.robots.recorded import RecordedRobot
@@ -147,3 +148,20 @@ def test_a_region_outside_of_the_image_has_no_rectangle(pixels: int) -> None:
     x0, y0, x1, y1 = REGION.project_box(camera, pixels)
     assert 0 <= x0 < x1 <= camera.width
     assert 0 <= y0 < y1 <= camera.height
+
+
+def test_views_that_cannot_judge_a_change_do_not_confirm_it() -> None:
+    gaussian_map, cameras = change_room.mapped()
+    nowhere = look_at(np.array([-5.0, -5.0, 1.0]), np.array([-6.0, -5.0, 1.0]))
+    away = at_pose(next(iter(cameras.values())), nowhere)
+    found = collect_views(
+        update_room.robot_in(update_room.changed_home("removal")),
+        change_room.detector().with_map(gaussian_map, [away]),
+        [update_room.detected("removal")],
+        COLLECT,
+    )
+    assert found.changes == ()
+    ((_, reason),) = found.rejected
+    assert reason == (
+        "0 view(s) can judge it, 2 are needed: too few training cameras saw this position"
+    )

@@ -166,7 +166,7 @@ def door(kit: Kit) -> Model:
     Args:
         kit: Materials, style and random stream of the home.
     """
-    model = Model("Doorway")
+    model = Model("Door")
     width, height = DOOR_M
     white = materials.painted_wood(kit, materials.WHITE)
     leaf = materials.wood(kit) if kit.style.motif % 2 else white
