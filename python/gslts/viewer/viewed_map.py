@@ -24,6 +24,7 @@ from gslts.semantics.registry import open_text_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.semantics.vocabulary import NOUNS
 from gslts.store.camera_files import cameras_of_store
+from gslts.store.causes import Box
 from gslts.store.describe import describe_event, describe_version, describe_versions, format_made
 from gslts.store.history import open_history
 from gslts.store.manifest import update_image_path
@@ -299,13 +300,31 @@ class ViewedMap:
         """
         return self._plan(number)
 
-    def path(self, number: int, start: Floats, goals: Sequence[Instance]) -> PlannedPath:
+    def target_of(self, number: int, instance: Instance) -> Target:
+        """Return an object as a target of paths.
+
+        Args:
+            number: Of the version.
+            instance: From `find`.
+        """
+        return Target.of_instance(self.gaussians(number), instance)
+
+    def target_in(self, number: int, box: Box) -> Target:
+        """Return what a box holds as a target of paths.
+
+        Args:
+            number: Of the version.
+            box: In the world, m.
+        """
+        return Target.in_box(self.gaussians(number), box)
+
+    def path(self, number: int, start: Floats, targets: Sequence[Target]) -> PlannedPath:
         """Plan a path over the floor to the nearest of some objects.
 
         Args:
             number: Of the version.
             start: (2,) x and y in the world, m.
-            goals: Objects, from `find`.
+            targets: The objects.
 
         Returns:
             The path, or the reason why there is none.
@@ -315,7 +334,6 @@ class ViewedMap:
         """
         terrain = Terrain(self.plan(number), RobotBody())
         free = terrain.free_positions()
-        targets = [Target.of_instance(self.gaussians(number), goal) for goal in goals]
         near = np.any([target.distances_m(free) <= ARRIVAL_M for target in targets], axis=0)
         return terrain.plan_to_any(start, free[near])
 
