@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from base64 import b64encode
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,7 +17,7 @@ from gslts.viewer.goals import Goal
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.object_panel import ObjectPanel
 from gslts.viewer.overlay import Overlay
-from gslts.viewer.panel_text import paragraphs
+from gslts.viewer.panel_text import EMPTY, paragraphs
 from gslts.viewer.path_panel import PathPanel
 from gslts.viewer.picking import is_in_view
 from gslts.viewer.query_panel import QueryPanel
@@ -121,6 +120,8 @@ class Page:
         position, target, self._client.camera.fov = self._map.first_view()
         self._look(position, target)
         self._build_panel()
+        self._shown = self._number
+        self._divider.show_still()
         self._show_version()
 
     def _build_panel(self) -> None:
@@ -138,7 +139,7 @@ class Page:
                 "Since", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
             )
             self._event = gui.add_dropdown("Go to", self._events())
-            self._images = gui.add_html("")
+            self._images = gui.add_image(EMPTY, format="jpeg", visible=False)
             self._divider = Divider(
                 self._client,
                 self._map,
@@ -198,7 +199,8 @@ class Page:
     def _show_version(self) -> None:
         number = self._number
         self._show_blocks(self._map.blocks(number))
-        is_new, self._shown = number != self._shown, number
+        is_new = number != self._shown or not self._described.content
+        self._shown = number
         self._described.content = paragraphs(self._map.describe(number))
         if is_new:
             self._before.value = max(1, number - 1)
@@ -268,9 +270,10 @@ class Page:
 
     def _show_images(self, number: int) -> None:
         """Show the frames of an update, and the map before and after it."""
-        image = b64encode(self._map.update_image(number)).decode()
-        tag = f"<img style='width:100%' src='data:image/jpeg;base64,{image}'>"
-        self._images.content = tag if image else ""
+        image = self._map.update_image(number)
+        self._images.visible = image is not None
+        if image is not None:
+            self._images.image = image
 
     def _show_event(self) -> None:
         """Go to the version that shows the chosen change, and look at it."""

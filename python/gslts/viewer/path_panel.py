@@ -12,6 +12,7 @@ from gslts.navigation.viewpoints import Target
 from gslts.types import Floats
 from gslts.viewer.goals import Goal
 from gslts.viewer.overlay import MOVED, Overlay
+from gslts.viewer.panel_text import EMPTY
 from gslts.viewer.viewed_map import ViewedMap
 
 LAST = 1000.0
@@ -51,7 +52,7 @@ class PathPanel:
         self.robot_at: Floats | None = None
         with gui.add_folder("Plan", expand_by_default=False, order=LAST):
             draw = gui.add_button("Draw")
-            self._image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), visible=False)
+            self._image = gui.add_image(EMPTY, visible=False)
         connect(draw.on_click, "plan", lambda: self._draw_plan(None))
 
     def add_button(self, gui: Any) -> Any:

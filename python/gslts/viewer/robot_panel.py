@@ -13,7 +13,7 @@ from gslts.rendering.rasterizer import RenderOptions, render
 from gslts.types import Floats
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.overlay import ROBOT, Overlay
-from gslts.viewer.panel_text import paragraphs
+from gslts.viewer.panel_text import EMPTY, paragraphs
 from gslts.viewer.viewed_map import ViewedMap
 
 BRIGHT_ERROR = 0.25
@@ -44,7 +44,7 @@ class RobotPanel:
         self._map, self._overlay, self._look_at = viewed, overlay, look_at
         with gui.add_folder("Robot", order=0):
             self._lines = gui.add_html("")
-            self._image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), format="jpeg")
+            self._image = gui.add_image(EMPTY, format="jpeg")
             self._legend = gui.add_html("")
             self._rides = gui.add_checkbox("Look through its camera", False)
 

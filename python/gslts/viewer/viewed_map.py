@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
+from gslts.io.images import RgbImage
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.viewpoints import Target
@@ -44,8 +46,12 @@ CACHED_VERSIONS = 3
 takes 100 MB with its blocks."""
 DEFAULT_FOV_RAD = 1.0
 """Vertical field of view of the pages of a map without cameras, rad."""
-MAX_IMAGE_BYTES = 4 << 20
-"""Maximum size of the image of an update; usual ones take some 100 kB."""
+MAX_IMAGE_BYTES, MAX_SIDE_PX = 4 << 20, 8192
+"""Maximum size of the file of the image of an update, and of its sides; usual ones take some 100 kB
+and are 1200 px wide."""
+MAX_IMAGE_PX = 480
+"""Width to which it is reduced, px: the panel is 345 wide. In a small room, the whole image would
+be most of what a new version sends."""
 ARRIVAL_M = 1.0
 """Distance from an object at which a path to it ends, m, as that of `gslts go`."""
 
@@ -194,18 +200,27 @@ class ViewedMap:
             if event.version in versions
         }
 
-    def update_image(self, number: int) -> bytes:
+    def update_image(self, number: int) -> RgbImage | None:
         """Return the image of an update: frames, and the map before and after.
 
         Args:
             number: Of the version.
 
         Returns:
-            A JPEG file; empty if there is none, or none of a sane size.
+            [H,W,3] uint8, at most `MAX_IMAGE_PX` wide; None if there is none, or none of a sane
+            size.
+
+        Raises:
+            OSError: The file is no image.
         """
         path = update_image_path(self._folder, number)
-        is_there = path.is_file() and path.stat().st_size <= MAX_IMAGE_BYTES
-        return path.read_bytes() if is_there else b""
+        if not path.is_file() or path.stat().st_size > MAX_IMAGE_BYTES:
+            return None
+        with Image.open(path, formats=["JPEG"]) as image:
+            if max(image.size) > MAX_SIDE_PX:
+                return None
+            image.thumbnail((MAX_IMAGE_PX, MAX_SIDE_PX))
+            return np.asarray(image.convert("RGB"))
 
     def tracks(self, number: int) -> list[Track]:
         """Return the history of each object that changed up to a version.
