@@ -52,6 +52,7 @@ from gslts_sim.home_source import HomeSource
 from gslts_sim.procedural.flat import open_door
 from gslts_sim.procedural.homes import ROOM_TYPES
 from gslts_sim.procedural.model import Kit
+from gslts_sim.ray_scene import require_embree
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
@@ -120,9 +121,11 @@ def run_day(
         File of the report.
 
     Raises:
+        ImportError: A package is missing; there is no folder then.
         OSError: A file cannot be written.
         ValueError: The folder is not empty.
     """
+    require_embree()
     empty_folder(out)
     seconds: dict[str, float] = {}
     start_s = time.perf_counter()

@@ -188,16 +188,11 @@ class ViewedMap:
             The changes with their objects, by description.
         """
         with open_history(self._folder) as store:
-            old, new = (store.lineage_numbers(number) for number in (before, after))
-            sides = [("", new - old, store.tracks(after))]
-            if old - new:
-                sides.append(("undone: ", old - new, store.tracks(before)))
+            sides = store.changes_between(before, after)
         return {
             f"{event.version}: {prefix}{describe_event(event, track.name)}": (track, event)
-            for prefix, versions, tracks in sides
-            for track in tracks
-            for event in track.events
-            if event.version in versions
+            for prefix, changes in zip(("", "undone: "), sides, strict=True)
+            for track, event in changes
         }
 
     def update_image(self, number: int) -> RgbImage | None:
