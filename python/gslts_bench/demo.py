@@ -17,6 +17,7 @@ from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.describe import describe_keeper
+from gslts.keeper.errand import drive_to
 from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import MapKeeper
 from gslts.localization.config import RelocalizationConfig
@@ -36,7 +37,7 @@ from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts.viewer.beside import ShowFrame, viewer_beside
+from gslts.viewer.beside import PagesBeside, viewer_beside
 from gslts_bench.series.events import was_found
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim import make_home
@@ -51,6 +52,7 @@ from gslts_sim.home_source import HomeSource
 from gslts_sim.procedural.flat import open_door
 from gslts_sim.procedural.homes import ROOM_TYPES
 from gslts_sim.procedural.model import Kit
+from gslts_sim.ray_scene import require_embree
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
@@ -102,6 +104,7 @@ def run_day(
     bar: Bar,
     say: Callable[[str], None],
     view: bool = False,
+    control: bool = False,
 ) -> Path:
     """Map a home and keep the map up to date for a day.
 
@@ -112,14 +115,17 @@ def run_day(
         bar: Shows progress.
         say: Receives messages.
         view: Show the map and the robot in the browser as soon as there is a map.
+        control: Let people who look send the robot to objects.
 
     Returns:
         File of the report.
 
     Raises:
+        ImportError: A package is missing; there is no folder then.
         OSError: A file cannot be written.
         ValueError: The folder is not empty.
     """
+    require_embree()
     empty_folder(out)
     seconds: dict[str, float] = {}
     start_s = time.perf_counter()
@@ -148,8 +154,8 @@ def run_day(
         extension=scale.mapping.model_copy(update={"threads": threads, "budget_s": None}),
     )
     evening = _open_door(day, home)
-    with viewer_beside(out / "map", view) as show:
-        _go_rounds(out / "map", day, home, evening, config, bar, say, show)
+    with viewer_beside(out / "map", view, control) as pages:
+        _go_rounds(out / "map", day, home, evening, config, bar, say, pages)
     known = day.state(home, len(day.rounds)).home  # The room of the morning.
     capture(_robot_in(evening, day), explore(known, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
@@ -201,21 +207,30 @@ def _go_rounds(
     config: KeeperConfig,
     bar: Bar,
     say: Callable[[str], None],
-    show: ShowFrame,
+    pages: PagesBeside,
 ) -> None:
     """Keep the map up to date through the rounds of the day, and extend it in the evening."""
     with MapKeeper(folder, config, log=lambda words: say(f"  {words}")) as keeper:
 
-        def in_view(robot: Controller) -> WatchedRobot:
-            return WatchedRobot(robot, lambda frame: show(frame, lambda: describe_keeper(keeper)))
+        def go_round(driven: Controller) -> WatchedRobot:
+            def show(frame: RgbdFrame) -> None:
+                pages.show(frame, lambda: describe_keeper(keeper))
+
+            def follow_goal() -> None:
+                pages.follow_goal(
+                    lambda goal: drive_to(keeper, robot, goal.words, goal.box).describe()
+                )
+
+            robot = WatchedRobot(driven, show)
+            keeper.go_round(robot, between=follow_goal)
+            return robot
 
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
-            keeper.go_round(in_view(day.robot(home, gone)))
+            go_round(day.robot(home, gone))
         say(f"the door to the {NEXT_ROOM} opens")
-        robot = in_view(_robot_in(evening, day))
-        keeper.go_round(robot)
+        robot = go_round(_robot_in(evening, day))
         keeper.explore(robot)
 
 
@@ -261,9 +276,7 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
         fits = navigator.queries.relevance(name)
         images.append((f"{name}: found", draw_query(gaussian_map, fits, found, cameras)))
     journey = navigator.go(robot, name)
-    outcome = f"{journey.status}: {journey.reason}"
-    if journey.distance_m is not None:
-        outcome = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
+    outcome = journey.describe()
     say(f"went to the {name}: {outcome}")
     images.append(
         (f"The path to it: {outcome}", draw_semantic_map(navigator.semantic_map, journey.path))

@@ -29,6 +29,20 @@ class Hits:
     weights: Floats32
 
 
+def require_embree() -> None:
+    """Require the package without which there are no simulated homes.
+
+    Raises:
+        ImportError: It is not installed.
+    """
+    try:
+        import embreex.rtcore_scene  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "simulated homes need Embree (x86-64): pip install 'gslts[sim]'"
+        ) from error
+
+
 class RayScene:
     """Ray-casting structure of the triangles of a home, without textures and light.
 
@@ -44,13 +58,9 @@ class RayScene:
     """
 
     def __init__(self, home: Home, threads: int = 0) -> None:
-        try:
-            from embreex.mesh_construction import TriangleMesh
-            from embreex.rtcore_scene import EmbreeScene
-        except ImportError as error:
-            raise ImportError(
-                "simulated homes need Embree (x86-64): pip install 'gslts[sim]'"
-            ) from error
+        require_embree()
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
 
         self._threads = threads
         vertices, faces, owners, normals = [], [], [], []

@@ -2,8 +2,11 @@
 
 import re
 import runpy
+import sys
 import tomllib
 from pathlib import Path
+
+import pytest
 
 from gslts.cli import extra_with
 
@@ -52,6 +55,19 @@ def test_a_wheel_is_tested_with_what_is_installed(tmp_path: Path) -> None:
     assert script["imports_of"](path) == {"json", "missing_package.part"}
     assert script["is_installed"]("json")
     assert not script["is_installed"]("missing_package.part")
+
+
+def test_the_demonstration_without_its_extra_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("embreex")
+    from gslts_bench.demo import QUICK, run_day
+
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    monkeypatch.delitem(sys.modules, "embreex.rtcore_scene", raising=False)
+    with pytest.raises(ImportError, match=r"pip install 'gslts\[sim\]'"):
+        run_day(tmp_path / "out", QUICK, threads=1, bar=lambda items, _: items, say=print)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_missing_package_names_its_extra() -> None:

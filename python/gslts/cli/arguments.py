@@ -87,3 +87,21 @@ TextModelFolder = Annotated[
         "if it was moved.",
     ),
 ]
+Control = Annotated[
+    bool,
+    typer.Option("--control", help="With --view: whoever looks can send the robot to an object."),
+]
+
+
+def require_view(view: bool, control: bool) -> None:
+    """Require the viewer of a robot that is driven from it.
+
+    Args:
+        view: Option `--view`.
+        control: Option `--control`.
+
+    Raises:
+        ValueError: The robot should be driven, and there is no viewer.
+    """
+    if control and not view:
+        raise ValueError("--control: goals are chosen in the browser; give --view as well")

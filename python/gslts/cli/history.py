@@ -101,12 +101,12 @@ def diff(
 
     with open_map(map_path) as store:
         maps = store.read(before), store.read(after)
-        only_after, only_before = store.events_between(before, after)
+        only_after, only_before = store.changes_between(before, after)
     typer.echo(_describe_delta(compare_by_ids(*maps)))
-    for event in only_after:
-        typer.echo(f"version {event.version}: {describe_event(event)}")
-    for event in reversed(only_before):
-        typer.echo(f"without version {event.version}: {describe_event(event)}")
+    for track, event in only_after:
+        typer.echo(f"version {event.version}: {describe_event(event, track.name)}")
+    for track, event in reversed(only_before):
+        typer.echo(f"without version {event.version}: {describe_event(event, track.name)}")
     if out is not None:
         image = draw_difference(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -145,22 +145,28 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
         localizer: Localizer in the map; None keeps the poses of the data set.
 
     Returns:
-        Frames by name, without those that are lost or ambiguous.
+        Frames by name, without those that are lost, ambiguous or damaged, which are named.
 
     Raises:
-        OSError: A file cannot be read.
-        ValueError: A file is damaged, or no frame was localized.
+        OSError: The data set cannot be read.
+        ValueError: It is damaged, or no frame is left.
     """
     from tqdm import tqdm
 
     read: dict[str, RgbdFrame] = {}
     opened = _open_frames(path, posed=localizer is None)
     for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
-        frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
-        if frame.fault is None:
+        try:
+            frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
+            fault = frame.fault
+        except (OSError, ValueError) as error:  # A damaged file does not stop the others.
+            fault = " ".join(str(error).split())
+        if fault is None:
             read[entry.name] = frame
         else:
-            typer.echo(f"skipped {entry.name}: {frame.fault}", err=True)
+            typer.echo(f"skipped {entry.name}: {fault}", err=True)
+    if not read and localizer is None:
+        raise ValueError(f"{path}: none of its frames can be read")
     if not read:
         raise ValueError(f"{path}: none of its frames was localized in the map")
     return read

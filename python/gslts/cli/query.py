@@ -46,6 +46,7 @@ def query(
             typer.echo(f"{text} {describe_instance(instance)}")
     if image is not None and instances:
         _draw(map_path, queries, text, instances, image, threads)
+        typer.echo(f"wrote {image}", err=as_json)
 
 
 def _draw(
@@ -66,7 +67,6 @@ def _draw(
     relevance = queries.relevance(text)
     drawn = draw_query(queries.gaussian_map, relevance, instances, cameras, threads)
     write_image(path, drawn)
-    typer.echo(f"wrote {path}", err=True)
 
 
 def describe_instance(instance: Instance) -> str:

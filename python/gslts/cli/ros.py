@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli.arguments import Control, require_view
 from gslts.cli.mapping import Threads
 from gslts.cli.navigation import Height, Radius, Step
 
@@ -88,6 +89,7 @@ def ros(
         bool,
         typer.Option("--view", help="Also show the map and the robot in the browser."),
     ] = False,
+    control: Control = False,
     publish_tf: Annotated[
         bool,
         typer.Option(
@@ -117,6 +119,10 @@ def ros(
 
     Example: gslts ros --map out/map --build --odometry /odom --mount 0.1,0,0.9,-1.92,0,-1.57
     """
+    require_view(view, control)
+    if control and not active:
+        raise ValueError("--control: the node may not drive the robot; give --active as well")
+
     from gslts.cli.run import stop_signals
     from gslts.core.robot_body import RobotBody
     from gslts.ros.config import NodeConfig, Topics, parse_mount
@@ -146,6 +152,7 @@ def ros(
         active=active,
         build=build,
         view=view,
+        control=control,
         record=record,
         rate_hz=rate,
         max_viewpoints=viewpoints,

@@ -6,12 +6,13 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.arguments import WritableMap
+from gslts.cli.arguments import Control, WritableMap, require_view
 from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
@@ -61,6 +62,7 @@ def run(
     view: Annotated[
         bool, typer.Option("--view", help="Also show the map in the browser, as gslts view does.")
     ] = False,
+    control: Control = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -75,6 +77,9 @@ def run(
     With --share, versions of a map that was pushed or cloned are exchanged after each round, as
     gslts push does; without a network, the robot works on and tries again after the next round.
 
+    With --view --control, whoever looks at the map in the browser can send the robot to an object,
+    which it reaches between two viewpoints.
+
     With --consolidate, it ends with more views of all changes, as gslts consolidate does.
 
     Example: gslts run out/map --robot out/day/day.json --extend
@@ -83,12 +88,16 @@ def run(
 
     from gslts.fleet.state import require_remote_state
     from gslts.keeper.describe import describe_keeper
+    from gslts.keeper.errand import drive_to
     from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.localized import localized
     from gslts.robots.sources import open_robot
     from gslts.robots.watched import WatchedRobot
     from gslts.viewer.beside import viewer_beside
 
+    require_view(view, control)
+    if control and frames is not None:
+        raise ValueError("--control: a recording cannot be driven; give --robot instead")
     if share:
         require_remote_state(map_path)
     if robot is not None and frames is None:
@@ -105,7 +114,7 @@ def run(
     config = _config(iterations, threads, relocalize=localize and robot is not None)
     with (
         stop_signals() as received,
-        viewer_beside(map_path, view) as show,
+        viewer_beside(map_path, view, control) as pages,
         tqdm(desc="starting", bar_format=BAR, disable=None) as bar,
     ):
 
@@ -130,7 +139,12 @@ def run(
             def in_map(driven: Robot) -> Robot:
                 return WatchedRobot(
                     localized(driven, keeper.localizer),
-                    lambda frame: show(frame, lambda: describe_keeper(keeper)),
+                    lambda frame: pages.show(frame, lambda: describe_keeper(keeper)),
+                )
+
+            def follow_goal(robot: Robot) -> None:
+                pages.follow_goal(
+                    lambda goal: drive_to(keeper, robot, goal.words, goal.box).describe()
                 )
 
             first = keeper.begin_source(source)
@@ -142,7 +156,8 @@ def run(
                     bar.set_description(f"round {number}", refresh=False)
                     bar.reset(total=0)
                     driven, viewpoints = round_of(number)
-                    keeper.go_round(in_map(driven), viewpoints)
+                    shown = in_map(driven)
+                    keeper.go_round(shown, viewpoints, partial(follow_goal, shown))
                     if extend and recording is not None:
                         keeper.extend(recording, str(frames))
                     elif extend:

@@ -33,6 +33,9 @@ def view(
     live: Annotated[
         bool, typer.Option("--live", hidden=True, help="Show the frames of standard input.")
     ] = False,
+    goals: Annotated[
+        int | None, typer.Option(hidden=True, help="File descriptor that goals are written to.")
+    ] = None,
 ) -> None:
     """Show a map and its history in the browser, and follow new versions.
 
@@ -41,9 +44,14 @@ def view(
     Example: gslts view out/map
     """
     from gslts.cli.run import stop_signals
+    from gslts.viewer.goals import GoalSender
     from gslts.viewer.viewer import Viewer
 
-    with stop_signals() as received, Viewer(map_path, host, port, token, text_model) as viewer:
+    send_goal = None if goals is None else GoalSender(goals).send
+    with (
+        stop_signals() as received,
+        Viewer(map_path, host, port, token, text_model, send_goal) as viewer,
+    ):
         ending = "/?token=TOKEN" if token else ""
         typer.echo(f"open {viewer.url}{ending} in a browser; Ctrl-C ends it")
         if live:

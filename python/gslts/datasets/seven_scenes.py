@@ -53,11 +53,13 @@ def open_seven_scenes(path: Path) -> Dataset:
     intrinsics = path / "camera-intrinsics.txt"
     matrix = read_numbers(intrinsics, (3, 3)) if intrinsics.exists() else None
     poses = sorted(path.glob("frame-*.pose.txt"))
-    stems = [file.name.split(".")[0] for file in poses or sorted(path.glob("frame-*.color.*"))]
+    # Listed once: a sequence has 1,000 frames and more.
+    images = {_stem(file): file for file in sorted(path.glob("frame-*.color.*"), reverse=True)}
+    stems = [_stem(file) for file in poses] or sorted(images)
 
     def make(entry: tuple[int, str]) -> ImageFrame:
         number, stem = entry
-        rgb = next(path.glob(f"{stem}.color.*"), None)
+        rgb = images.get(stem)
         if rgb is None:
             raise MissingImageError(f"{stem}.color.*", "image")
         size = image_size(rgb)
@@ -75,6 +77,10 @@ def open_seven_scenes(path: Path) -> Dataset:
     frames, skipped, missing = gather(zip(stems, enumerate(stems), strict=True), make)
     posed, unposed = (frames, ()) if poses else ((), frames)
     return Dataset(name_of(path), posed, skipped, unposed=unposed, missing=missing)
+
+
+def _stem(file: Path) -> str:
+    return file.name.split(".")[0]
 
 
 def _color_camera(size: tuple[int, int], pose: Floats) -> Camera:

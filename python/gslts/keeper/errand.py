@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
+from gslts.core.robot_body import RobotBody
 from gslts.keeper.keeper import MapKeeper
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.trip import NavigationResult
+from gslts.navigation.semantic_map import make_semantic_map
+from gslts.navigation.terrain import Terrain
+from gslts.navigation.trip import NavigationResult, Trip
+from gslts.navigation.viewpoints import Target
 from gslts.semantics.map_semantics import MapSemantics
+from gslts.store.causes import Box
 from gslts.types import Floats
+
+Planned = TypeVar("Planned")
 
 MAX_ATTEMPTS = 3
 """Maximum number of paths planned for one errand: the object may have been moved."""
@@ -87,13 +95,79 @@ def run_errand(
         ValueError: The text is empty.
     """
     watched = WatchedRobot(robot, keeper)
-    for _ in range(MAX_ATTEMPTS):
-        version = keeper.version.number
+
+    def attempt() -> tuple[Navigator, NavigationResult]:
         navigator = Navigator(
             keeper.gaussian_map, semantics.codec, semantics.source, categories=[text]
         )
-        result = navigator.go(watched, text, on_move)
+        return navigator, navigator.go(watched, text, on_move)
+
+    return _until_settled(keeper, robot, attempt)
+
+
+def go_to_box(keeper: MapKeeper, robot: Robot, name: str, box: Box) -> NavigationResult:
+    """Move a robot to what the map shows in a box, and update the map on the way.
+
+    Args:
+        keeper: Of the map, which needs no semantics.
+        robot: In the home.
+        name: Of the object.
+        box: Lower and upper corner in the world, m.
+
+    Returns:
+        The result.
+
+    Raises:
+        StoppedError: A stop was requested.
+        OSError: The map cannot be written.
+        ValueError: The map shows nothing in the box, or no floor.
+    """
+    watched, body = WatchedRobot(robot, keeper), RobotBody()
+
+    def attempt() -> tuple[Target, NavigationResult]:
+        gaussian_map = keeper.gaussian_map
+        terrain = Terrain(make_semantic_map(gaussian_map, body), body)
+        target = Target.in_box(gaussian_map, box)
+        trip = Trip(watched, name, gaussian_map, terrain, None, lambda: None)
+        return target, trip.go_to_any([target])
+
+    return _until_settled(keeper, robot, attempt)[1]
+
+
+def drive_to(
+    keeper: MapKeeper, robot: Robot, words: str, box: Box | None = None
+) -> NavigationResult:
+    """Move a robot to what somebody asks for, and update the map on the way.
+
+    Args:
+        keeper: Of the map.
+        robot: In the home.
+        words: Query that finds the object, or its name.
+        box: Lower and upper corner of the object in the world, m; None if it should be found.
+
+    Returns:
+        The result.
+
+    Raises:
+        StoppedError: A stop was requested.
+        OSError: The map cannot be written.
+        ValueError: The map has no semantics, the text is empty, or the box is.
+    """
+    if box is not None:
+        return go_to_box(keeper, robot, words, box)
+    if keeper.semantics is None:
+        raise ValueError("the map has no words; gslts semantics adds them")
+    return run_errand(keeper, keeper.semantics, robot, words)[1]
+
+
+def _until_settled(
+    keeper: MapKeeper, robot: Robot, attempt: Callable[[], tuple[Planned, NavigationResult]]
+) -> tuple[Planned, NavigationResult]:
+    """Attempt a trip again while it fails and the map was updated meanwhile."""
+    for _ in range(MAX_ATTEMPTS):
+        version = keeper.version.number
+        planned, result = attempt()
         keeper.integrate(robot, keeper.reports())
         if result.status == "reached" or keeper.version.number == version:
             break
-    return navigator, result
+    return planned, result

@@ -19,7 +19,7 @@ from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
-from gslts.keeper.schedule import defer, is_deferred, select_changes
+from gslts.keeper.schedule import defer, is_deferred, select_changes, still_deferred
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
@@ -163,13 +163,19 @@ class MapKeeper:
             self._set_state(source=source, source_rounds=0, remaining=None)
         return self.state.source_rounds
 
-    def go_round(self, robot: Robot, viewpoints: Mapping[str, Camera] | None = None) -> None:
+    def go_round(
+        self,
+        robot: Robot,
+        viewpoints: Mapping[str, Camera] | None = None,
+        between: Callable[[], None] = lambda: None,
+    ) -> None:
         """Continue the present round or start a new one, and integrate changes on the way.
 
         Args:
             robot: In the home. Viewpoints that it does not reach are skipped.
             viewpoints: Cameras to visit in this order, by name; None means some training cameras
                 that cover the map.
+            between: Called after each viewpoint; may move the robot.
 
         Raises:
             StoppedError: A stop was requested; the state is that of the last viewpoint.
@@ -186,6 +192,7 @@ class MapKeeper:
                 self._progress(name)
                 self.integrate(robot, self._observe(robot))
             self._set_state(remaining=self.state.remaining[1:])
+            between()
         self.end_round()
 
     def end_round(self) -> None:
@@ -221,8 +228,7 @@ class MapKeeper:
         self._log(f"unmapped space: exploring {len(positions)} positions")
         frames = {}
         for number, frame in enumerate(look_around(robot, positions, cameras)):
-            self._stop_if_requested()
-            self._progress(f"exploring, frame {number}")
+            self._on_progress(f"exploring, frame {number}")
             frames[f"round {self.state.round}/{number:03}"] = frame
         self.extend(frames, "exploration")
 
@@ -239,8 +245,7 @@ class MapKeeper:
         """
 
         def on_step(*_: object) -> None:
-            self._stop_if_requested()
-            self._progress("extending")
+            self._on_progress("extending")
 
         observed = {name: Observation.of(frame) for name, frame in frames.items()}
         try:
@@ -346,12 +351,7 @@ class MapKeeper:
             return
         self._log(f"version {version.number}: {version.gaussians} Gaussians")
         self._use_map(result.gaussian_map, version)
-        deferred = tuple(
-            change
-            for change in self.state.deferred
-            if not any(change.matches(integrated) for integrated in result.changes)
-        )
-        self._set_state(deferred=deferred)
+        self._set_state(deferred=still_deferred(self.state.deferred, result.changes))
 
     def _use_map(self, gaussian_map: GaussianMap, version: Version) -> None:
         """Detect and localize with a new version of the map."""

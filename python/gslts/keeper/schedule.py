@@ -106,6 +106,18 @@ def defer(
     return (*others, new)
 
 
+def still_deferred(
+    deferred: Sequence[DeferredChange], integrated: Sequence[Change]
+) -> tuple[DeferredChange, ...]:
+    """Return the deferred changes that an update did not integrate.
+
+    Args:
+        deferred: Deferred changes.
+        integrated: Changes that the map shows now.
+    """
+    return tuple(d for d in deferred if not any(d.matches(change) for change in integrated))
+
+
 def is_deferred(deferred: Sequence[DeferredChange], change: Change, number_of_round: int) -> bool:
     """Return whether a change must wait for a later round.
 

@@ -59,6 +59,12 @@ class NavigationResult:
     replans: int
     distance_m: float | None = None
 
+    def describe(self) -> str:
+        """Return in words how the trip ended."""
+        if self.distance_m is None:
+            return f"{self.status}: {self.reason}"
+        return f"reached, {self.distance_m:.1f} m from it after {self.length_m:.1f} m"
+
     @property
     def length_m(self) -> float:
         """Length of the path, m."""
@@ -88,7 +94,7 @@ class Trip:
         text: Text that the targets match.
         gaussian_map: float32; shows from where the targets are visible.
         terrain: Free floor of the robot; learns obstacles.
-        source: Encodes the text, and segments frames if it can.
+        source: Encodes the text, and segments frames if it can; None if the text is only a name.
         on_move: Called after each move.
     """
 
@@ -98,7 +104,7 @@ class Trip:
         text: str,
         gaussian_map: GaussianMap,
         terrain: Terrain,
-        source: SemanticSource,
+        source: SemanticSource | None,
         on_move: Callable[[], None],
     ) -> None:
         self._walk = Walk(robot, terrain, on_move)
@@ -193,6 +199,8 @@ class Trip:
         """Test if a registered frame shows the object, by points that should be visible."""
         if visible_points(expected, frame.camera, frame.depth).mean() < MIN_VISIBLE_SHARE:
             return False
+        if self._source is None:
+            return True
         try:
             matching = matching_points(expected, frame, self._source, self._text)
         except ValueError:  # The source encodes texts only, or the frame has no labels.

@@ -11,10 +11,13 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.visibility import view_angles, visible_points
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
+from gslts.store.causes import Box
 from gslts.types import Bools, Floats
 
 MAX_POINTS = 400
 """Number of points of an object whose visibility is tested; bounds time."""
+MIN_LOGIT_OPACITY = 0.0
+"""Minimum opacity of the Gaussians of a box, before the sigmoid: a half."""
 MIN_VISIBLE_POINTS, MIN_VISIBLE_SHARE = 4, 0.1
 """Minimum number of visible points of an object, and share of its points, at a viewpoint of it."""
 WIDTH_PX = 160
@@ -44,8 +47,30 @@ class Target:
         """
         points = gaussian_map.means[instance.rows] + gaussian_map.origin
         inside = ((points >= instance.low) & (points <= instance.high)).all(axis=1)
-        points = points[inside] if inside.any() else points
-        return cls(points[:: max(1, len(points) // MAX_POINTS)])
+        return cls(_sample(points[inside] if inside.any() else points))
+
+    @classmethod
+    def in_box(cls, gaussian_map: GaussianMap, box: Box) -> Target:
+        """Make a target of all visible Gaussians in a box, evenly sampled.
+
+        Args:
+            gaussian_map: Any map.
+            box: Lower and upper corner in the world, m.
+
+        Returns:
+            The target.
+
+        Raises:
+            ValueError: The box is empty.
+        """
+        low, high = np.array(box[0]), np.array(box[1])
+        rows = gaussian_map.rows_in_box(low, high)
+        points = gaussian_map.means[rows] + gaussian_map.origin
+        inside = ((points >= low) & (points <= high)).all(axis=1)
+        inside &= gaussian_map.logit_opacities[rows] >= MIN_LOGIT_OPACITY
+        if not inside.any():
+            raise ValueError("the map shows nothing there any more")
+        return cls(_sample(points[inside]))
 
     def distances_m(self, positions: Floats) -> Floats:
         """Compute distances along the floor to the nearest point of the object.
@@ -59,6 +84,10 @@ class Target:
         offsets = positions[:, None] - self.points[None, :, :2]
         distances: Floats = np.linalg.norm(offsets, axis=2).min(axis=1)
         return distances
+
+
+def _sample(points: Floats) -> Floats:
+    return points[:: max(1, len(points) // MAX_POINTS)]
 
 
 @dataclass(frozen=True, eq=False)

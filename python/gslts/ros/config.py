@@ -64,6 +64,7 @@ class NodeConfig(BaseModel):
         active: Drive the robot: collect views of changes, explore, go to objects.
         build: Build the map from what the robot sees if there is none.
         view: Show the map and the robot in the browser once there is a map.
+        control: Let people who look at the map send the robot to objects; if `active`.
         record: Folder for a recording of the frames; None for none.
         rate_hz: Maximum number of frames per second that are compared with the map.
         max_viewpoints: Maximum number of viewpoints of a round.
@@ -83,6 +84,7 @@ class NodeConfig(BaseModel):
     active: bool = False
     build: bool = False
     view: bool = False
+    control: bool = False
     record: Path | None = None
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 4.0
     max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40

@@ -17,7 +17,7 @@ from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.describe import describe_keeper
-from gslts.keeper.errand import run_errand
+from gslts.keeper.errand import drive_to
 from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.localization.config import RelocalizationConfig
 from gslts.mapping.config import PRESETS
@@ -40,7 +40,8 @@ from gslts.ros.statuses import Status
 from gslts.ros.waiting import WaitingChanges
 from gslts.store.history import open_history
 from gslts.types import Floats
-from gslts.viewer.beside import viewer_beside
+from gslts.viewer.beside import PagesBeside, viewer_beside
+from gslts.viewer.goals import Goal
 
 if TYPE_CHECKING:
     from gslts.ros.goals import Goals  # These two need ROS.
@@ -92,6 +93,7 @@ class Operation:
         self.robot: RosRobot | None = None
         self._queries: QueryLane | None = None
         self._keeper: MapKeeper | None = None
+        self._pages = PagesBeside()
         self._activity = "starting"
 
     def run(self) -> None:
@@ -198,7 +200,7 @@ class Operation:
         keeper_config = _keeper_config(config)
         waiting = WaitingChanges(keeper_config.update.collect.steps + 1)
         with (
-            viewer_beside(config.map_path, config.view) as show,
+            viewer_beside(config.map_path, config.view, config.control) as self._pages,
             MapKeeper(
                 config.map_path,
                 keeper_config,
@@ -209,7 +211,7 @@ class Operation:
 
             def on_judged(judged: Judged, is_key: bool) -> None:
                 self._publishing.judged(judged, keeper.gaussian_map)
-                show(judged.frame, lambda: describe_keeper(keeper))
+                self._pages.show(judged.frame, lambda: describe_keeper(keeper))
                 if is_key and recorder is not None:
                     recorder.add(judged.frame)
 
@@ -259,6 +261,7 @@ class Operation:
                     request = self.requests.take(WAIT_S)
                     if request is not None:
                         self._follow(request, keeper, memory)
+                    self._follow_goal(keeper)
             except RobotLostError as error:
                 self._problems.report("robot", str(error))
 
@@ -301,20 +304,31 @@ class Operation:
             elif self._goals is None:
                 raise ValueError(NEEDS_ACTIVE)
             elif request.kind == "go":
-                if keeper.semantics is None:
-                    raise ValueError("the map has no words; gslts semantics adds them")
-                _, result = run_errand(keeper, keeper.semantics, robot, words)
+                result = drive_to(keeper, robot, words)
                 self._publishing.answer(errand_answer(words, "map", result))
             elif words == "explore":
                 keeper.explore(robot)
             elif words == "round":
-                keeper.go_round(robot)
+                keeper.go_round(robot, between=lambda: self._follow_goal(keeper))
             else:
                 keeper.consolidate(robot)
         except (ValueError, ImportError, RobotLostError) as error:
             self._fail(request, str(error))
         else:
             self._publishing.event("done", kind=request.kind, words=words)
+
+    def _follow_goal(self, keeper: MapKeeper) -> None:
+        """Drive to what was chosen on a page, if there is something."""
+
+        def drive(goal: Goal) -> str:
+            assert self.robot is not None
+            self._activity = f"go: {goal.words}"
+            try:
+                return drive_to(keeper, self.robot, goal.words, goal.box).describe()
+            except RobotLostError as error:
+                return str(error)
+
+        self._pages.follow_goal(drive)
 
     def _fail(self, request: Request, reason: str) -> None:
         self._log(f"{request.kind} {request.words!r}: {reason}")

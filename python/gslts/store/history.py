@@ -7,7 +7,7 @@ from typing import Self
 
 from gslts.store.index import Index
 from gslts.store.manifest import require_map_folder
-from gslts.store.records import Event, Rejection, Track, Version
+from gslts.store.records import Event, Rejection, Track, TrackEvent, Version
 from gslts.store.tracks import object_tracks
 
 INDEX = "versions.sqlite"
@@ -103,24 +103,31 @@ class History:
         """
         return self._index.events()
 
-    def events_between(self, before: int, after: int) -> tuple[list[Event], list[Event]]:
-        """Return the object changes that separate two versions.
+    def changes_between(
+        self, before: int, after: int
+    ) -> tuple[list[tuple[Track, TrackEvent]], list[tuple[Track, TrackEvent]]]:
+        """Return the object changes that separate two versions, each change of an object once.
 
         Args:
             before: Number of the first version.
             after: Number of the second version.
 
         Returns:
-            Changes that only the second version shows, and changes that only the first one shows.
+            Changes that only the second version shows, and changes that only the first one shows,
+            with their objects, oldest first.
 
         Raises:
             ValueError: There is no such version.
         """
         old, new = (self.lineage_numbers(number) for number in (before, after))
-        events = self.events()
-        only_after = [event for event in events if event.version in new - old]
-        only_before = [event for event in events if event.version in old - new]
-        return only_after, only_before
+
+        def told_in(numbers: set[int], tracks: list[Track]) -> list[tuple[Track, TrackEvent]]:
+            found = [(track, event) for track in tracks for event in track.events]
+            found = [(track, event) for track, event in found if event.version in numbers]
+            return sorted(found, key=lambda pair: pair[1].version)
+
+        only_before = told_in(old - new, self.tracks(before)) if old - new else []
+        return told_in(new - old, self.tracks(after)), only_before
 
     def tracks(self, number: int | None = None) -> list[Track]:
         """Return the history of each object that changed.

@@ -1,4 +1,4 @@
-"""Two versions of a map in one image, left and right of a divider."""
+"""Images of a map behind the Gaussians of a page: one to begin with, and two with a divider."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gslts.core.camera import Camera, camera_from_fov
-from gslts.core.se3 import rotation_of_quat
+from gslts.core.se3 import pose_distance, rotation_of_quat
 from gslts.io.images import RgbImage, to_rgb8
 from gslts.rendering.rasterizer import render
 from gslts.types import Floats
@@ -18,6 +18,8 @@ WIDTH_PX = 800
 """Width of the image, which the browser scales to its window: 0.1 to 0.3 s on two cores."""
 MAX_ASPECT = 4.0
 """Maximum ratio of the sides of the image; windows are never so narrow or so wide."""
+STILL_M, STILL_RAD = 1e-3, 1e-3
+"""Motion of a camera below which it stands still, m and rad: rounding in the browser."""
 LINE_PX = 2
 """Width of the divider, px."""
 
@@ -44,6 +46,7 @@ class Divider:
         self._client, self._map = client, viewed
         self._versions, self._on_toggle = versions, on_toggle
         self._rendered: tuple[RgbImage, RgbImage] | None = None
+        self._still: tuple[int, Camera] | None = None
         self._box = client.gui.add_checkbox("Before | after", False)
         self._position = client.gui.add_slider(
             "Divider", min=0, max=1, step=0.01, initial_value=0.5, visible=False
@@ -51,16 +54,33 @@ class Divider:
         connect(self._box.on_update, "divider", self._toggle)
         connect(self._position.on_update, "divide", self._divide)
 
+    def show_still(self) -> None:
+        """Show an image until the camera moves: a page draws many Gaussians late."""
+        self._still = self._versions()[1], _camera_of(self._client.camera, self._map.origin)
+        self._client.scene.set_background_image(self._render(self._still[0]), format="jpeg")
+        self._client.flush()
+
     def update(self) -> None:
         """Render anew, if it is on: the camera or a version has changed."""
         if self._box.value:
-            camera = _camera_of(self._client.camera, self._map.origin)
-            left, right = (
-                to_rgb8(render(self._map.gaussians(number), camera).rgb)
-                for number in self._versions()
-            )
-            self._rendered = left, right
+            left, right = (self._render(number) for number in self._versions())
+            self._rendered, self._still = (left, right), None
             self._divide()
+        elif self._still is not None:
+            self._update_still(*self._still)
+
+    def _update_still(self, number: int, camera: Camera) -> None:
+        now = _camera_of(self._client.camera, self._map.origin)
+        moved_m, turned_rad = pose_distance(camera.world_from_camera, now.world_from_camera)
+        if number != self._versions()[1] or moved_m > STILL_M or turned_rad > STILL_RAD:
+            self._still = None
+            self._client.scene.set_background_image(None)
+        elif (camera.width, camera.height) != (now.width, now.height):
+            self.show_still()  # The panel has opened.
+
+    def _render(self, number: int) -> RgbImage:
+        camera = _camera_of(self._client.camera, self._map.origin)
+        return to_rgb8(render(self._map.gaussians(number), camera).rgb)
 
     def _toggle(self) -> None:
         self._position.visible = self._box.value

@@ -17,7 +17,7 @@ from string import Template
 import numpy as np
 
 from gslts.io.atomic_files import write_atomic
-from gslts.io.splat import splat_rows
+from gslts.io.splat import GAUSSIAN, splat_rows
 from gslts.viewer.blocks import rows_by_cell
 from gslts.viewer.overlay import MOVED, box_edges, boxes_of_event
 from gslts.viewer.viewed_map import ViewedMap
@@ -25,6 +25,11 @@ from gslts.viewer.viewed_map import ViewedMap
 BLOCK_M = 0.25
 """Edge of the blocks of which a version is put together, m. A block that several versions share is
 in the page once: smaller blocks make the page smaller, and longer lists of them."""
+STEPS_PER_M = 4096
+"""Centres are rounded to a quarter of a millimetre, which nobody sees: the page is smaller by a
+third, together with the next value."""
+SCALE_BITS = 12
+"""Low bits of the float32 scales that are rounded off, of 23: an error of 0.01 %."""
 
 Bar = Callable[[Iterable[int]], Iterable[int]]
 
@@ -72,7 +77,7 @@ def export_page(folder: Path, out: Path, max_versions: int, bar: Bar = iter) -> 
         last=len(numbers) - 1,
         versions=_buttons(viewed, numbers),
         scene=json.dumps(scene),
-        gaussians=b64encode(gzip.compress(b"".join(blocks), mtime=0)).decode(),
+        gaussians=b64encode(gzip.compress(_by_byte(b"".join(blocks)), mtime=0)).decode(),
         code=b64encode(files.joinpath("spark.js.gz").read_bytes()).decode(),
     )
     write_atomic(out, page.encode())
@@ -84,10 +89,18 @@ def _add_blocks(viewed: ViewedMap, number: int, blocks: dict[bytes, int]) -> lis
     gaussian_map = viewed.gaussians(number)
     # Relative to the origin, for the float32 of the page.
     splats = splat_rows(replace(gaussian_map, origin=np.zeros(3)))
+    splats["mean"] = np.rint(splats["mean"] * STEPS_PER_M) / STEPS_PER_M
+    bits = splats["scales"].view(np.uint32) + np.uint32(1 << SCALE_BITS - 1)
+    splats["scales"] = (bits >> SCALE_BITS << SCALE_BITS).view(np.float32)
     return [
         blocks.setdefault(splats[rows].tobytes(), len(blocks))
         for rows in rows_by_cell(gaussian_map, BLOCK_M).values()
     ]
+
+
+def _by_byte(splats: bytes) -> bytes:
+    """Return the first bytes of all Gaussians, then the second ones, ...: so, gzip halves them."""
+    return np.frombuffer(splats, np.uint8).reshape(-1, GAUSSIAN.itemsize).T.tobytes()
 
 
 def _lines(viewed: ViewedMap, number: int) -> dict[str, list[float]]:

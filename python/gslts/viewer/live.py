@@ -35,12 +35,12 @@ class LiveFrame:
 
     Attributes:
         rgb: [H,W,3] uint8, sRGB.
-        camera: Camera in the world of the map.
+        camera: Camera in the world of the map; None while the robot is lost.
         lines: State of the robot and of its map, in words.
     """
 
     rgb: RgbImage
-    camera: Camera
+    camera: Camera | None
     lines: tuple[str, ...]
 
 
@@ -56,6 +56,7 @@ class LiveFeed:
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._newest: tuple[RgbdFrame, Callable[[], Sequence[str]]] | None = None
+        self._is_due = False
         self._changed, self._closing = threading.Condition(), threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
@@ -72,24 +73,29 @@ class LiveFeed:
             self._stream.close()
 
     def show(self, frame: RgbdFrame, describe: Callable[[], Sequence[str]]) -> None:
-        """Send a frame soon, unless a newer one comes first, or its pose is not known.
+        """Send a frame soon, unless a newer one comes first.
 
         Args:
-            frame: Its pose is in the world of the map.
+            frame: Its pose is in the world of the map; with a fault, none is sent.
             describe: Returns the state of the robot and of its map in words; called from the
                 thread of the feed, for frames that are sent.
         """
-        if frame.fault is not None:
-            return
         with self._changed:
             self._newest = frame, describe
+            self._is_due = True
+            self._changed.notify()
+
+    def repeat(self) -> None:
+        """Send the newest frame again soon, as the state of the robot has changed."""
+        with self._changed:
+            self._is_due = self._newest is not None
             self._changed.notify()
 
     def _work(self) -> None:
         while not self._closing.is_set():
             with self._changed:
-                self._changed.wait_for(lambda: self._newest or self._closing.is_set())
-                newest, self._newest = self._newest, None
+                self._changed.wait_for(lambda: self._is_due or self._closing.is_set())
+                newest, self._is_due = self._newest, False
             if newest is None:
                 return
             try:
@@ -133,19 +139,23 @@ class _Header(BaseModel):
     cy: FiniteFloat
     width: Annotated[int, Field(ge=1, le=MAX_WIDTH_PX)]
     height: Annotated[int, Field(ge=1, le=2 * MAX_WIDTH_PX)]
-    world_from_camera: Annotated[list[FiniteFloat], Field(min_length=16, max_length=16)]
+    world_from_camera: Annotated[list[FiniteFloat], Field(min_length=16, max_length=16)] | None
     lines: Annotated[tuple[str, ...], Field(max_length=MAX_LINES)]
     jpeg_bytes: Annotated[int, Field(ge=1, le=MAX_JPEG_BYTES)]
 
-    def camera(self) -> Camera:
-        """Return the camera of the image."""
+    def camera(self) -> Camera | None:
+        """Return the camera of the image, if its pose is known."""
         values: dict[str, Any] = self.model_dump(exclude={"lines", "jpeg_bytes"})
+        if self.world_from_camera is None:
+            return None
         pose = np.array(values.pop("world_from_camera")).reshape(4, 4)
         return Camera(**values, world_from_camera=pose)
 
 
 def _encode(frame: RgbdFrame, lines: Sequence[str]) -> bytes:
-    rgb, camera = frame.rgb, frame.camera
+    rgb, camera, is_lost = frame.rgb, frame.camera, frame.fault is not None
+    if is_lost:
+        lines = [f"no pose: {frame.fault}", *lines]
     while rgb.shape[1] > MAX_WIDTH_PX:
         rgb, camera = halve_rgb(rgb), downscale(camera, 2)
     jpeg = BytesIO()
@@ -157,7 +167,7 @@ def _encode(frame: RgbdFrame, lines: Sequence[str]) -> bytes:
         cy=camera.cy,
         width=camera.width,
         height=camera.height,
-        world_from_camera=camera.world_from_camera.ravel().tolist(),
+        world_from_camera=None if is_lost else camera.world_from_camera.ravel().tolist(),
         lines=tuple(line[:MAX_LINE] for line in lines[:MAX_LINES]),
         jpeg_bytes=len(jpeg.getvalue()),
     )

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import logging
 import threading
-from base64 import b64encode
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from gslts.core.se3 import rotation_of_quat
-from gslts.store.describe import describe_event
-from gslts.store.records import Track
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell
 from gslts.viewer.divider import Divider
+from gslts.viewer.goals import Goal
 from gslts.viewer.live import LiveFrame
-from gslts.viewer.overlay import CAME, FOUND, Overlay
-from gslts.viewer.panel_text import format_size, paragraphs
-from gslts.viewer.picking import is_in_view, surface_point
+from gslts.viewer.object_panel import ObjectPanel
+from gslts.viewer.overlay import Overlay
+from gslts.viewer.panel_text import EMPTY, paragraphs
+from gslts.viewer.path_panel import PathPanel
+from gslts.viewer.picking import is_in_view
 from gslts.viewer.query_panel import QueryPanel
 from gslts.viewer.robot_panel import RobotPanel
 from gslts.viewer.splats import Splats
@@ -42,10 +42,13 @@ class Page:
     Args:
         client: Of viser.
         viewed: The map.
+        send_goal: Sends a robot to a goal; None if pages may not, or there is no robot.
     """
 
-    def __init__(self, client: Any, viewed: ViewedMap) -> None:
-        self._client, self._map = client, viewed
+    def __init__(
+        self, client: Any, viewed: ViewedMap, send_goal: Callable[[Goal], None] | None = None
+    ) -> None:
+        self._client, self._map, self._send_goal = client, viewed, send_goal
         self._overlay = Overlay(client.scene, viewed.origin)
         self._splats = Splats(client.scene)
         self._shown = 0
@@ -117,6 +120,8 @@ class Page:
         position, target, self._client.camera.fov = self._map.first_view()
         self._look(position, target)
         self._build_panel()
+        self._shown = self._number
+        self._divider.show_still()
         self._show_version()
 
     def _build_panel(self) -> None:
@@ -134,7 +139,7 @@ class Page:
                 "Since", min=1, max=newest, step=1, initial_value=newest, disabled=newest == 1
             )
             self._event = gui.add_dropdown("Go to", self._events())
-            self._images = gui.add_html("")
+            self._images = gui.add_image(EMPTY, format="jpeg", visible=False)
             self._divider = Divider(
                 self._client,
                 self._map,
@@ -144,16 +149,18 @@ class Page:
             )
             self._boxes = gui.add_checkbox("Boxes", True)
             self._cameras = gui.add_checkbox("Cameras", False)
-        with gui.add_folder("Object"):
-            self._object = gui.add_html(paragraphs(["Click on anything."]))
-        QueryPanel(
+        self._paths = PathPanel(
             gui,
             self._map,
             self._overlay,
             lambda: self._shown,
             lambda: self._eye + self._map.origin,
+            self._send_goal,
             self._connect,
         )
+        common = (gui, self._map, self._overlay, self._paths, lambda: self._shown, self._connect)
+        self._object = ObjectPanel(*common)
+        QueryPanel(*common)
         for control, name, task in (
             (self._slider.on_update, "show", self._show_version),
             (self._before.on_update, "changes", self._show_changes),
@@ -168,8 +175,8 @@ class Page:
 
         @self._client.scene.on_click()  # type: ignore[untyped-decorator]
         async def _(event: Any) -> None:
-            ray = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.post("click", lambda: self._show_object(*ray))
+            ray = np.array(event.ray_origin) + self._map.origin, np.array(event.ray_direction)
+            self.post("click", lambda: self._object.show(*ray))
 
     def _connect(self, control: Any, name: str, task: Callable[[], None]) -> None:
         async def post(event: Any) -> None:
@@ -192,11 +199,13 @@ class Page:
     def _show_version(self) -> None:
         number = self._number
         self._show_blocks(self._map.blocks(number))
-        is_new, self._shown = number != self._shown, number
+        is_new = number != self._shown or not self._described.content
+        self._shown = number
         self._described.content = paragraphs(self._map.describe(number))
         if is_new:
             self._before.value = max(1, number - 1)
-            self._overlay.clear("object")
+            self._object.clear()
+            self._overlay.clear("path")
             self._show_changes()
         if self._cameras.value:
             self._show_cameras()
@@ -261,9 +270,10 @@ class Page:
 
     def _show_images(self, number: int) -> None:
         """Show the frames of an update, and the map before and after it."""
-        image = b64encode(self._map.update_image(number)).decode()
-        tag = f"<img style='width:100%' src='data:image/jpeg;base64,{image}'>"
-        self._images.content = tag if image else ""
+        image = self._map.update_image(number)
+        self._images.visible = image is not None
+        if image is not None:
+            self._images.image = image
 
     def _show_event(self) -> None:
         """Go to the version that shows the chosen change, and look at it."""
@@ -302,6 +312,7 @@ class Page:
                 self._client.gui, self._map, self._overlay, self._look_in_world
             )
         self._robot.show(live, path)
+        self._paths.robot_at = path[-1] if path else None
 
     def _look_in_world(self, position: Floats, target: Floats) -> None:
         self._look(position - self._map.origin, target - self._map.origin)
@@ -310,44 +321,6 @@ class Page:
         self._overlay.clear("cameras")
         if self._cameras.value:
             self._overlay.cameras("cameras", self._map.cameras(self._shown))
-
-    def _show_object(self, origin: Floats, direction: Floats) -> None:
-        self._overlay.clear("object")
-        point = surface_point(
-            self._map.gaussians(self._shown), origin + self._map.origin, direction
-        )
-        if point is None:
-            self._object.content = paragraphs(["Nothing is there."])
-            return
-        track = self._map.track_at(self._shown, point)
-        lines = None if track is None else self._show_track(track)
-        if lines is None and self._map.has_words(self._shown):
-            lines = self._show_named(point)
-        position = f"({', '.join(f'{x:.2f}' for x in point)}) m"
-        self._object.content = paragraphs([*(lines or ["Nothing known by a name."]), position])
-
-    def _show_track(self, track: Track) -> list[str]:
-        box = track.events[-1].boxes[1]
-        assert box is not None
-        self._overlay.box("object", box, CAME, track.name)
-        for event in track.events:
-            if event.boxes[0] is not None:
-                self._overlay.event("object", event, track.name)
-        since = [event for event in track.events if event.kind != "shift"]
-        first = f"there since version {since[-1].version}" if since else "there since version 1"
-        lines = [f"{event.version}: {describe_event(event, track.name)}" for event in track.events]
-        return [f"{track.name}, {format_size(*box)}, {first}", *lines[::-1]]
-
-    def _show_named(self, point: Floats) -> list[str] | None:
-        found = self._map.name_at(self._shown, point)
-        if found is None:
-            return None
-        name, instance = found
-        if instance is None:
-            return [name]
-        self._overlay.box("object", (instance.low, instance.high), FOUND, name)
-        size = format_size(instance.low, instance.high)
-        return [f"{name}, {size}, score {instance.score:.2f}", "no change is known of it"]
 
 
 def _priority(offset: Floats, forward: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Text in the panel of a page."""
+"""Text and empty images in the panel of a page."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from html import escape
 import numpy as np
 
 from gslts.types import Floats
+
+EMPTY = np.full((1, 1, 3), 255, np.uint8)
+"""Image of a part of the panel before there is one."""
 
 
 def paragraphs(lines: Sequence[str]) -> str:

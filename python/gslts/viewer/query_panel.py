@@ -1,32 +1,26 @@
-"""Part of the panel for queries, paths to what they find, and the floor plan."""
+"""Part of the panel for queries."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from gslts.navigation.semantic_map_files import draw_semantic_map
-from gslts.semantics.queries import Instance
-from gslts.types import Floats
-from gslts.viewer.overlay import FOUND, MOVED, Overlay
+from gslts.viewer.goals import MAX_TEXT, Goal
+from gslts.viewer.overlay import FOUND, Overlay
 from gslts.viewer.panel_text import format_size, paragraphs
+from gslts.viewer.path_panel import PathPanel
 from gslts.viewer.viewed_map import ViewedMap
-
-MAX_TEXT = 200
-"""Maximum length of a query; longer ones are cut."""
 
 
 class QueryPanel:
-    """Finds objects by words, and plans paths to them.
+    """Finds objects by words, and goes to them.
 
     Args:
         gui: Of a page.
         viewed: The map.
         overlay: Of the page.
+        paths: Goes to objects.
         shown: Returns the number of the version that the page shows.
-        eye: Returns the (3,) position of the viewer in the world, m.
         connect: Lets a control of the panel start a task of a name.
     """
 
@@ -35,50 +29,29 @@ class QueryPanel:
         gui: Any,
         viewed: ViewedMap,
         overlay: Overlay,
+        paths: PathPanel,
         shown: Callable[[], int],
-        eye: Callable[[], Floats],
         connect: Callable[[Any, str, Callable[[], None]], None],
     ) -> None:
-        self._map, self._overlay, self._shown, self._eye = viewed, overlay, shown, eye
-        self._answers: list[Instance] = []
+        self._map, self._overlay, self._paths, self._shown = viewed, overlay, paths, shown
         with gui.add_folder("Words"):
             self._text = gui.add_text("Find", "")
-            find, go = gui.add_button("Find"), gui.add_button("Path there")
+            find, go = gui.add_button("Find"), paths.add_button(gui)
             self._answer = gui.add_html("")
-        with gui.add_folder("Plan", expand_by_default=False):
-            draw = gui.add_button("Draw")
-            self._plan_image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), visible=False)
-        connect(find.on_click, "find", self._find)
-        connect(go.on_click, "find", self._go)
-        connect(draw.on_click, "plan", lambda: self._draw_plan(None))
+        connect(find.on_click, "find", lambda: self._find(goes=False))
+        connect(go.on_click, "find", lambda: self._find(goes=True))
 
-    def _find(self) -> None:
+    def _find(self, goes: bool) -> None:
         text = str(self._text.value)[:MAX_TEXT]
         self._overlay.clear("words")
-        self._answers = self._map.find(self._shown(), text)
-        for answer in self._answers:
+        answers = self._map.find(self._shown(), text)
+        for answer in answers:
             label = f"{text} {answer.score:.2f}"
             self._overlay.box("words", (answer.low, answer.high), FOUND, label)
         lines = [
-            f"{answer.score:.2f}: {format_size(answer.low, answer.high)}"
-            for answer in self._answers
+            f"{answer.score:.2f}: {format_size(answer.low, answer.high)}" for answer in answers
         ]
         self._answer.content = paragraphs(lines or [f"{text}: not found"])
-
-    def _go(self) -> None:
-        self._find()
-        if not self._answers:
-            return
-        path = self._map.path(self._shown(), self._eye()[:2], self._answers)
-        if path.reason:
-            self._answer.content += paragraphs([f"no path from here: {path.reason}"])
-            return
-        floor_m = self._map.plan(self._shown()).floor_m + 0.05
-        points = np.column_stack([path.points, np.full(len(path.points), floor_m)])
-        self._overlay.path("words", points, MOVED)
-        self._answer.content += paragraphs([f"path from here: {path.length_m:.1f} m"])
-        self._draw_plan(path.points)
-
-    def _draw_plan(self, path: Floats | None) -> None:
-        self._plan_image.image = draw_semantic_map(self._map.plan(self._shown()), path)
-        self._plan_image.visible = True
+        if goes and answers:
+            targets = [self._map.target_of(self._shown(), answer) for answer in answers]
+            self._answer.content += paragraphs(self._paths.go(Goal(words=text), targets))

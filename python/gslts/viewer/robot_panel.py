@@ -13,7 +13,7 @@ from gslts.rendering.rasterizer import RenderOptions, render
 from gslts.types import Floats
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.overlay import ROBOT, Overlay
-from gslts.viewer.panel_text import paragraphs
+from gslts.viewer.panel_text import EMPTY, paragraphs
 from gslts.viewer.viewed_map import ViewedMap
 
 BRIGHT_ERROR = 0.25
@@ -43,8 +43,9 @@ class RobotPanel:
     ) -> None:
         self._map, self._overlay, self._look_at = viewed, overlay, look_at
         with gui.add_folder("Robot", order=0):
-            self._image = gui.add_image(np.full((1, 1, 3), 255, np.uint8), format="jpeg")
             self._lines = gui.add_html("")
+            self._image = gui.add_image(EMPTY, format="jpeg")
+            self._legend = gui.add_html("")
             self._rides = gui.add_checkbox("Look through its camera", False)
 
     def show(self, live: LiveFrame, path: Sequence[Floats]) -> None:
@@ -55,15 +56,19 @@ class RobotPanel:
             path: (3,) positions of the robot so far, the newest last, m.
         """
         camera = live.camera
+        self._lines.content = paragraphs(live.lines)
+        self._legend.content = "" if camera is None else paragraphs([LEGEND])
+        self._overlay.clear("robot")
+        if len(path) > 1:
+            self._overlay.path("robot", np.array(path), ROBOT)
+        if camera is None:
+            self._image.image = live.rgb
+            return
         rendered = render(
             self._map.gaussians(self._map.newest), camera, RenderOptions(threads=THREADS)
         )
         self._image.image = _grid(live.rgb, to_rgb8(rendered.rgb), rendered.depth)
-        self._lines.content = paragraphs([LEGEND, *live.lines])
-        self._overlay.clear("robot")
         self._overlay.cameras("robot", [camera], ROBOT)
-        if len(path) > 1:
-            self._overlay.path("robot", np.array(path), ROBOT)
         if self._rides.value:
             pose = camera.world_from_camera
             self._look_at(pose[:3, 3], pose[:3, 3] + pose[:3, 2])

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
+from gslts.io.images import RgbImage
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.viewpoints import Target
@@ -24,6 +26,7 @@ from gslts.semantics.registry import open_text_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.semantics.vocabulary import NOUNS
 from gslts.store.camera_files import cameras_of_store
+from gslts.store.causes import Box
 from gslts.store.describe import describe_event, describe_version, describe_versions, format_made
 from gslts.store.history import open_history
 from gslts.store.manifest import update_image_path
@@ -43,8 +46,12 @@ CACHED_VERSIONS = 3
 takes 100 MB with its blocks."""
 DEFAULT_FOV_RAD = 1.0
 """Vertical field of view of the pages of a map without cameras, rad."""
-MAX_IMAGE_BYTES = 4 << 20
-"""Maximum size of the image of an update; usual ones take some 100 kB."""
+MAX_IMAGE_BYTES, MAX_SIDE_PX = 4 << 20, 8192
+"""Maximum size of the file of the image of an update, and of its sides; usual ones take some 100 kB
+and are 1200 px wide."""
+MAX_IMAGE_PX = 480
+"""Width to which it is reduced, px: the panel is 345 wide. In a small room, the whole image would
+be most of what a new version sends."""
 ARRIVAL_M = 1.0
 """Distance from an object at which a path to it ends, m, as that of `gslts go`."""
 
@@ -181,30 +188,34 @@ class ViewedMap:
             The changes with their objects, by description.
         """
         with open_history(self._folder) as store:
-            old, new = (store.lineage_numbers(number) for number in (before, after))
-            sides = [("", new - old, store.tracks(after))]
-            if old - new:
-                sides.append(("undone: ", old - new, store.tracks(before)))
+            sides = store.changes_between(before, after)
         return {
             f"{event.version}: {prefix}{describe_event(event, track.name)}": (track, event)
-            for prefix, versions, tracks in sides
-            for track in tracks
-            for event in track.events
-            if event.version in versions
+            for prefix, changes in zip(("", "undone: "), sides, strict=True)
+            for track, event in changes
         }
 
-    def update_image(self, number: int) -> bytes:
+    def update_image(self, number: int) -> RgbImage | None:
         """Return the image of an update: frames, and the map before and after.
 
         Args:
             number: Of the version.
 
         Returns:
-            A JPEG file; empty if there is none, or none of a sane size.
+            [H,W,3] uint8, at most `MAX_IMAGE_PX` wide; None if there is none, or none of a sane
+            size.
+
+        Raises:
+            OSError: The file is no image.
         """
         path = update_image_path(self._folder, number)
-        is_there = path.is_file() and path.stat().st_size <= MAX_IMAGE_BYTES
-        return path.read_bytes() if is_there else b""
+        if not path.is_file() or path.stat().st_size > MAX_IMAGE_BYTES:
+            return None
+        with Image.open(path, formats=["JPEG"]) as image:
+            if max(image.size) > MAX_SIDE_PX:
+                return None
+            image.thumbnail((MAX_IMAGE_PX, MAX_SIDE_PX))
+            return np.asarray(image.convert("RGB"))
 
     def tracks(self, number: int) -> list[Track]:
         """Return the history of each object that changed up to a version.
@@ -299,13 +310,31 @@ class ViewedMap:
         """
         return self._plan(number)
 
-    def path(self, number: int, start: Floats, goals: Sequence[Instance]) -> PlannedPath:
+    def target_of(self, number: int, instance: Instance) -> Target:
+        """Return an object as a target of paths.
+
+        Args:
+            number: Of the version.
+            instance: From `find`.
+        """
+        return Target.of_instance(self.gaussians(number), instance)
+
+    def target_in(self, number: int, box: Box) -> Target:
+        """Return what a box holds as a target of paths.
+
+        Args:
+            number: Of the version.
+            box: In the world, m.
+        """
+        return Target.in_box(self.gaussians(number), box)
+
+    def path(self, number: int, start: Floats, targets: Sequence[Target]) -> PlannedPath:
         """Plan a path over the floor to the nearest of some objects.
 
         Args:
             number: Of the version.
             start: (2,) x and y in the world, m.
-            goals: Objects, from `find`.
+            targets: The objects.
 
         Returns:
             The path, or the reason why there is none.
@@ -315,7 +344,6 @@ class ViewedMap:
         """
         terrain = Terrain(self.plan(number), RobotBody())
         free = terrain.free_positions()
-        targets = [Target.of_instance(self.gaussians(number), goal) for goal in goals]
         near = np.any([target.distances_m(free) <= ARRIVAL_M for target in targets], axis=0)
         return terrain.plan_to_any(start, free[near])
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
 from gslts.types import Floats
+from gslts.viewer.goals import Goal
 from gslts.viewer.guarded_server import open_server
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.page import Page
@@ -28,6 +30,7 @@ class Viewer:
         port: Port; 0 for a free one.
         token: Without which nobody sees anything; required if the host is not of this machine.
         clip: Folder of the CLIP of the semantics of the map, if it was moved.
+        send_goal: Sends a robot to a goal; None if pages may not, or there is no robot.
 
     Attributes:
         url: Address of the page, without the token.
@@ -45,6 +48,7 @@ class Viewer:
         port: int = 8080,
         token: str | None = None,
         clip: Path | None = None,
+        send_goal: Callable[[Goal], None] | None = None,
     ) -> None:
         self._map = ViewedMap(folder, clip)
         self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
@@ -56,7 +60,7 @@ class Viewer:
 
         @self._server.on_client_connect
         async def _(client: Any) -> None:
-            self._pages[client.client_id] = Page(client, self._map)
+            self._pages[client.client_id] = Page(client, self._map, send_goal)
 
         @self._server.on_client_disconnect
         async def _(client: Any) -> None:
@@ -96,7 +100,8 @@ class Viewer:
         Args:
             live: The frame.
         """
-        self._path.append(live.camera.world_from_camera[:3, 3])
+        if live.camera is not None:
+            self._path.append(live.camera.world_from_camera[:3, 3])
         for page in list(self._pages.values()):
             page.show_robot(live, list(self._path))
 

@@ -133,7 +133,7 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
             stop(robot, "gslts sim ros")
         path, grid = director.path, director.grid
     with open_history(out / "map") as history:
-        reported, _ = history.events_between(1, history.versions()[-1].number)
+        reported = history.events()
     true = true_events([_in_frame(event.change, map_from_world) for event in events])
     return DayResult(
         seconds,

@@ -21,6 +21,7 @@ ARGUMENTS = {
     "record": "Folder for a recording of the frames, for gslts map.",
     "rate": "Maximum number of frames per second that are compared with the map.",
     "view": "true: also show the map and the robot in the browser.",
+    "control": "true: with view and active, whoever looks can send the robot to an object.",
     "publish_tf": "true: publish map -> odom on /tf, if no other localization of the robot does.",
     "viewpoints": "Maximum number of viewpoints of a round.",
     "radius": "Radius of the robot, m.",
@@ -29,7 +30,7 @@ ARGUMENTS = {
     "threads": "Number of threads; 0 uses all.",
 }
 """Options of `gslts ros` by name, with `_` for `-`; empty ones keep the default of the node."""
-SWITCHES = ("active", "build", "view", "publish_tf")
+SWITCHES = ("active", "build", "view", "control", "publish_tf")
 """Options that are given or not."""
 
 

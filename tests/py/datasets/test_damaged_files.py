@@ -10,6 +10,7 @@ from phone_recordings import pack, write_polycam, write_r3d
 from rtabmap_exports import write_rtabmap
 from scan_recordings import write_replica, write_scannet, write_sens
 
+from gslts.cli.localize import read_frames
 from gslts.datasets import open_dataset
 
 TRIES = 40
@@ -67,3 +68,19 @@ def test_damaged_files_are_errors_or_read(tmp_path: Path, write: Callable[[Path]
         victim.write_bytes(content)
     assert not any("\n" in message for message in messages)
     assert read > 0, "the undamaged files are still good"
+
+
+def test_a_damaged_frame_does_not_stop_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_scannet(tmp_path / "room")
+    images = sorted((tmp_path / "room").rglob("*.jpg"))
+    images[0].write_bytes(images[0].read_bytes()[:-200])
+    names = [frame.name for frame in open_dataset(tmp_path / "room").frames]
+    assert list(read_frames(tmp_path / "room", None)) == names[1:]
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "skipped" in line)
+    assert line.startswith(f"skipped {names[0]}: ")
+    for image in images:
+        image.write_bytes(image.read_bytes()[:-200])
+    with pytest.raises(ValueError, match="room: none of its frames can be read"):
+        read_frames(tmp_path / "room", None)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+from damaged_maps import assert_map_or_one_line
 from gaussian_shapes import assert_same_gaussians
 from hypothesis import given
 from hypothesis import strategies as st
@@ -278,19 +279,7 @@ def test_damaged_file_gives_a_map_or_one_line(tmp_path_factory: Any, data: st.Da
     path = tmp_path_factory.getbasetemp() / "damaged.spz"
     version = data.draw(st.sampled_from([3, 4]))
     write_spz(float_map(3, sh_degree=1), path, version)
-    content = bytearray(path.read_bytes())
-    for _ in range(data.draw(st.integers(1, 3))):
-        begin = data.draw(st.integers(0, len(content) - 1))
-        end = begin + data.draw(st.integers(0, 5))
-        content[begin:end] = data.draw(st.binary(max_size=5))
-    path.write_bytes(content)
-    message = f"{path}: no error"
-    try:
-        read_spz(path)
-    except ValueError as error:
-        message = str(error)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
+    assert_map_or_one_line(path, data, read_spz)
 
 
 def test_truncated_file(tmp_path: Path) -> None:

@@ -151,7 +151,8 @@ def test_object_changes_between_versions_follow_the_lineage(folder: Path) -> Non
         store.commit(store.read(), UpdateCause(), [addition("Book")])
 
         def types(before: int, after: int) -> list[list[str]]:
-            return [[event.type for event in own] for own in store.events_between(before, after)]
+            sides = store.changes_between(before, after)
+            return [[event.type for _, event in changes] for changes in sides]
 
         assert types(1, 2) == [["Mug"], []]
         assert types(2, 1) == [[], ["Mug"]]

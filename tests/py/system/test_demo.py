@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command import MAIN
+from command import gslts as run
 from drawn import assert_drawn
 from viewed_room import browser_page
 
@@ -19,6 +20,8 @@ from gslts.viewer.viewer import Viewer
 pytestmark = pytest.mark.long
 
 SIZE_PX = {"width": 1280, "height": 800}
+MAX_PAGE_BYTES = 15_000_000
+"""Maximum size of the page of the day in one file, so that it can be sent by mail."""
 
 
 def test_demo_and_its_page(tmp_path: Path) -> None:
@@ -41,3 +44,6 @@ def test_demo_and_its_page(tmp_path: Path) -> None:
         page.page.screenshot(path=image, quality=85)
         assert page.errors == []
     assert_drawn(image)
+    done = run("export", "demo/map", "day.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "day.html").stat().st_size <= MAX_PAGE_BYTES

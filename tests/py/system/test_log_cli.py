@@ -49,6 +49,15 @@ def test_one_object_is_listed(folder: Path) -> None:
     assert [event["kind"] for event in history["events"]] == ["removal", "addition"]
 
 
+def test_differences_are_told_as_in_the_log(folder: Path) -> None:
+    lines = gslts("diff", "map", "1", "3", cwd=folder).stdout.splitlines()
+    assert lines[1:] == [f"version 3: {MOVE}"]
+    lines = gslts("diff", "map", "3", "2", cwd=folder).stdout.splitlines()
+    assert lines[1:] == [f"without version 3: {MOVE}"]
+    lines = gslts("diff", "map", "1", "2", cwd=folder).stdout.splitlines()
+    assert lines[1:] == ["version 2: Mug removed from (0.05, 0.05, 0.10) m"]
+
+
 def test_an_unknown_object_is_named_with_those_that_are_known(folder: Path) -> None:
     for arguments in ([], ["--json"]):
         done = gslts("log", "map", "--object", "Vase", *arguments, cwd=folder)

@@ -203,6 +203,8 @@ def test_commands_add_semantics_and_answer_queries(tmp_path: Path) -> None:
     found = json.loads(run("query", str(map_path), "box", "--json", "--image", str(image)))
     assert len(found) == 2
     assert image.exists()
+    drawn = run("query", str(map_path), "box", "--image", str(image))
+    assert drawn.splitlines()[-1] == f"wrote {image}"
     for item in found:
         np.testing.assert_allclose(item["high_m"][2], change_room.BLOCK_TOP_M + 0.3, atol=0.04)
     assert run("query", str(map_path), "piano") == "piano: not found\n"

@@ -3,6 +3,7 @@
 import base64
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -90,7 +91,7 @@ def test_objects_and_words(page: Page, room: Path) -> None:
     page.page.get_by_role("button", name="Find", exact=True).click()
     page.wait_for_text("elephant: not found")
     fill(page, 2, "mug")
-    page.page.get_by_role("button", name="Path there").click()
+    page.page.get_by_role("button", name="Go there").last.click()
     page.wait_for_text("path from here: ")
 
 
@@ -108,6 +109,13 @@ def test_before_and_after(page: Page, room: Path) -> None:
     page.wait_for_image(after, MIDDLE)
 
 
+def robot_image(page: Page) -> np.ndarray:
+    """Return the image of the robot's part of the panel, [H,W,3]."""
+    address = page.page.locator("img[src^='blob:']").first.evaluate(READ_IMAGE)
+    content = base64.b64decode(address.partition(",")[2])
+    return np.array(Image.open(BytesIO(content)).convert("RGB"))
+
+
 def test_robot(room: Path) -> None:
     camera = viewed_room.first_view()
     seen = LiveFrame(np.full((64, 64, 3), 90, np.uint8), camera, ("round 7", "deferred: a vase"))
@@ -115,9 +123,10 @@ def test_robot(room: Path) -> None:
         page.wait_for_text("moved from")
         viewer.show_robot(seen)
         page.wait_for_text("deferred: a vase")
-        address = page.page.locator("img[src^='blob:']").first.evaluate(READ_IMAGE)
-        content = base64.b64decode(address.partition(",")[2])
-        image = np.array(Image.open(BytesIO(content)).convert("RGB"))
+        image = robot_image(page)
+        viewer.show_robot(replace(seen, camera=None, lines=("no pose: lost",)))
+        page.wait_for_text("no pose: lost")
+        assert robot_image(page).shape == (64, 64, 3)  # That of the camera alone.
     rendered = to_rgb8(render(read_map(room), camera).rgb)
     inside = np.s_[8:56, 8:56]  # JPEG mixes colours at edges.
     assert np.abs(image[inside].astype(int) - 90).max() < 10

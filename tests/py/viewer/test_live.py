@@ -46,6 +46,23 @@ def test_frames_arrive(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> Non
     assert list(read_live_frames(source)) == []
 
 
+def test_a_lost_robot(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> None:
+    source, target = pipe
+    with LiveFeed(target) as feed:
+        feed.repeat()  # There is nothing to be repeated.
+        feed.show(replace(frame_of(9), fault="lost: 3 matches"), lambda: ["round 1"])
+        frames = read_live_frames(source)
+        lost = next(frames)
+        feed.show(frame_of(20), lambda: ["round 2"])
+        found = next(frames)
+        feed.repeat()
+        again = next(frames)
+    assert (lost.camera, lost.lines) == (None, ("no pose: lost: 3 matches", "round 1"))
+    assert lost.rgb.mean() < 12
+    assert found.camera is not None
+    assert (again.lines, again.rgb.mean()) == (found.lines, found.rgb.mean())
+
+
 def test_a_robot_waits_for_no_reader(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> None:
     source, target = pipe
     noise = np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8)
@@ -80,7 +97,6 @@ def test_other_streams(content: bytes) -> None:
 def test_image_that_is_cut(pipe: tuple[io.BufferedReader, io.BufferedWriter]) -> None:
     source, target = pipe
     with LiveFeed(target) as feed:
-        feed.show(replace(frame_of(9), fault="lost"), list)  # Not sent.
         feed.show(frame_of(3), list)
         whole = next(iter(lambda: source.read1(1 << 20), b""))
     with pytest.raises(OSError, match=r"identify|truncated"):
