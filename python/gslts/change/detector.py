@@ -118,9 +118,11 @@ class ChangeDetector:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
-        ids = gaussian_map.ids
-        drawn = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
-        self._drawn = gaussian_map.with_features(drawn.astype(np.float32))
+        self._drawn = gaussian_map.with_features(
+            lambda ids: np.column_stack(
+                [measurements.is_measured_of(ids), measurements.errors_of(ids)]
+            ).astype(np.float32)
+        )
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         self._visibility = Visibility(

@@ -103,7 +103,7 @@ def pre_edit(
     ]
     new = _with_appearance(new, kept, gone, drawn, config)
     if first_id is None:
-        first_id = int(gaussian_map.ids.max()) + 1  # Also after the removed ones.
+        first_id = gaussian_map.next_id  # Also after the removed ones.
     return Edit(join(kept, new, first_id), removed, new.size)
 
 

@@ -150,7 +150,7 @@ def integrate_changes(
         collection.of_part(rows),
         config,
         detector=detector,
-        first_id=int(gaussian_map.ids.max()) + 1 if first_id is None else first_id,
+        first_id=gaussian_map.next_id if first_id is None else first_id,
         on_step=lambda *_: progress("refining"),
     )
     record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})

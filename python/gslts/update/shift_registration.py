@@ -7,7 +7,7 @@ of the object in the map are compared with depth and colours of the frames.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -110,7 +110,10 @@ def _planar_motion(correction: Floats, center: Floats) -> Floats:
 
 def _sample(gaussian_map: GaussianMap, rows: Bools, view: View, threads: int) -> _Samples:
     """Return points of the object that the map shows in a view."""
-    drawn = replace(gaussian_map, features=rows[:, None].astype(np.float32))
+    own_ids = gaussian_map.select(rows).ids
+    drawn = gaussian_map.with_features(
+        lambda ids: np.isin(ids, own_ids)[:, None].astype(np.float32)
+    )
     images = Rasterizer(np.float32).forward(drawn, view.camera, RenderOptions(threads=threads))
     own = (images.features[..., 0] > MIN_ALPHA * images.alpha) & (view.rendered_depth > 0)
     v, u = np.nonzero(own)

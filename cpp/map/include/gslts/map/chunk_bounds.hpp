@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <vector>
 
 namespace gslts {
@@ -23,6 +25,9 @@ struct ChunkBounds {
 
   std::size_t size = 0;     ///< N, the Gaussians of the map.
   std::vector<Box> chunks;  ///< [(N + kChunkSize - 1) / kChunkSize]
+  /// Called with the chunks that a renderer is about to read, before it reads them, or empty if all
+  /// are in memory. It may throw; then nothing is rendered.
+  std::function<void(const std::vector<std::uint32_t>&)> load = {};
 };
 
 /// Computes the bounds of a map.
