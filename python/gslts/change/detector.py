@@ -118,6 +118,7 @@ class ChangeDetector:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
+        self._plain = gaussian_map.without_features()
         self._drawn = gaussian_map.with_features(
             lambda ids: np.column_stack(
                 [measurements.is_measured_of(ids), measurements.errors_of(ids)]
@@ -126,7 +127,7 @@ class ChangeDetector:
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         self._visibility = Visibility(
-            gaussian_map, choose_evenly(self.cameras, MAX_CAMERAS), self.config.threads
+            self._plain, choose_evenly(self.cameras, MAX_CAMERAS), self.config.threads
         )
         self._rasterizer = Rasterizer(np.float32)
         self._in_use = threading.Lock()
@@ -209,7 +210,7 @@ class ChangeDetector:
             fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
         if fault is None and self.config.align_pose:
             pose = align_pose(
-                self._map,
+                self._plain,
                 reversed(pyramid[self.config.halvings :]),
                 stds=POSE_STDS,
                 threads=self.config.threads,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mmap
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Any
@@ -30,7 +30,9 @@ class Chunks:
         boxes: [C,2,3] lowest and highest centres of each chunk, m, relative to the origin, or a
             larger box.
         max_log_scales: [C] log of the largest standard deviation of each chunk in m, or more.
-        read: Returns the arrays of a chunk.
+        read: Returns the arrays of a chunk, but for the features, most of the bytes, which only
+            semantics need.
+        read_features: Returns the features of a chunk.
         edits: How they were made from the chunks of another map, for `gslts.core.edited_map`.
     """
 
@@ -39,6 +41,7 @@ class Chunks:
     boxes: Floats
     max_log_scales: Floats
     read: Callable[[int], Arrays]
+    read_features: Callable[[int], NDArray[Any]]
     edits: object = None
 
     @property
@@ -72,56 +75,50 @@ class ChunkMemory:
 
     Args:
         chunks: Of the map.
-        shared: Arrays with all rows that `read` of the chunks fills, by name.
+        common: Memory of a map that differs in the features only.
 
     Attributes:
         chunks: Of the map.
         arrays: All arrays, with all rows; rows of chunks that were not loaded are zero.
     """
 
-    def __init__(self, chunks: Chunks, shared: Arrays | None = None) -> None:
+    def __init__(self, chunks: Chunks, common: ChunkMemory | None = None) -> None:
         self.chunks = chunks
-        self._own = {
-            name: _reserve((chunks.size, *array.shape[1:]), array.dtype)
-            for name, array in chunks.layout.items()
-            if name not in (shared or {})
-        }
-        self.arrays = {**(shared or {}), **self._own}
-        self._missing = np.ones(len(chunks.boxes), np.bool_)
-        self._lock = threading.Lock()
+        names = chunks.layout.keys() - {"features"}
+        self._common: _Arrays = (
+            _Arrays(chunks, names, chunks.read) if common is None else common._common
+        )
+        self._features = _Arrays(
+            chunks, {"features"}, lambda chunk: {"features": chunks.read_features(chunk)}
+        )
+        self.arrays = {**self._common.arrays, **self._features.arrays}
 
-    def load(self, chunks: NDArray[Any]) -> None:
+    def load(self, chunks: NDArray[Any], *, features: bool = True) -> None:
         """Read chunks that are not in memory yet.
 
         Args:
             chunks: [K] their numbers.
+            features: Read the features as well.
 
         Raises:
             OSError: A chunk cannot be read.
             ValueError: A chunk is damaged.
         """
-        if not self._missing[chunks].any():
-            return
-        with self._lock:
-            for chunk in chunks[self._missing[chunks]].tolist():
-                rows, found = self.chunks.rows(chunk), self.chunks.read(chunk)
-                for name, array in self._own.items():
-                    array[rows] = found[name]
-                self._missing[chunk] = False
+        self._common.load(chunks)
+        if features:
+            self._features.load(chunks)
 
     def load_all(self) -> None:
         """Read all chunks; raises as `load`."""
-        self.load(np.arange(len(self._missing)))
+        self.load(np.arange(len(self.chunks.boxes)))
 
-    def read(self, chunk: int) -> Arrays:
-        """Return the arrays of a chunk, without a copy; raises as `load`.
+    def peek(self, chunk: int) -> Arrays:
+        """Return the arrays of a chunk, which are not kept if they are read; raises as `load`.
 
         Args:
             chunk: Number of the chunk.
         """
-        self.load(np.array([chunk]))
-        rows = self.chunks.rows(chunk)
-        return {name: array[rows] for name, array in self.arrays.items()}
+        return {**self._common.peek(chunk), **self._features.peek(chunk)}
 
     def bounds(self) -> ChunkBounds:
         """Return the bounds of the chunks, with which renderers load what they read."""
@@ -138,15 +135,45 @@ class ChunkMemory:
         Args:
             features_of: Returns the features [M,D] of Gaussians by their ids [M].
         """
+        ids = self.chunks.ids
+
+        def read_features(chunk: int) -> NDArray[Any]:
+            rows = self.chunks.rows(chunk)
+            return features_of(ids.at(np.arange(rows.start, rows.stop)))
+
         layout = {**self.chunks.layout, "features": features_of(np.zeros(0, np.uint64))}
+        chunks = replace(self.chunks, layout=layout, read_features=read_features, edits=None)
+        return ChunkMemory(chunks, self)
 
-        def read(chunk: int) -> Arrays:
-            arrays = self.read(chunk)
-            return {**arrays, "features": features_of(arrays["ids"])}
 
-        chunks = replace(self.chunks, layout=layout, read=read, edits=None)
-        shared = {name: array for name, array in self.arrays.items() if name != "features"}
-        return ChunkMemory(chunks, shared)
+class _Arrays:
+    """Some arrays of a map, of whose chunks some are in memory."""
+
+    def __init__(self, chunks: Chunks, names: Iterable[str], read: Callable[[int], Arrays]) -> None:
+        self._chunks, self._read = chunks, read
+        layout = {name: chunks.layout[name] for name in names}
+        self.arrays = {
+            name: _reserve((chunks.size, *rows.shape[1:]), rows.dtype)
+            for name, rows in layout.items()
+        }
+        self._missing = np.ones(len(chunks.boxes), np.bool_)
+        self._lock = threading.Lock()
+
+    def load(self, chunks: NDArray[Any]) -> None:
+        if not self._missing[chunks].any():
+            return
+        with self._lock:
+            for chunk in chunks[self._missing[chunks]].tolist():
+                rows, found = self._chunks.rows(chunk), self._read(chunk)
+                for name, array in self.arrays.items():
+                    array[rows] = found[name]
+                self._missing[chunk] = False
+
+    def peek(self, chunk: int) -> Arrays:
+        if self._missing[chunk]:
+            return self._read(chunk)
+        rows = self._chunks.rows(chunk)
+        return {name: array[rows] for name, array in self.arrays.items()}
 
 
 def _reserve(shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.chunks import Arrays, Chunks
@@ -114,30 +117,36 @@ class _Edits:
     def chunks(self) -> Chunks:
         """Return the chunks of the edited map."""
         boxes, max_log_scales = self._bounds()
-        base = replace(self.base, read=lru_cache(maxsize=1)(self.base.read))
-        edits = replace(self, base=base)  # Consecutive chunks are read from common ones.
+        base, names = self.base, [name for name in ROW_ARRAYS if name != "features"]
+        # Consecutive chunks are read from common ones.
+        read = lru_cache(2)(base.read)
+        read_features = lru_cache(2)(lambda source: {"features": base.read_features(source)})
         return replace(
-            self.base,
-            ids=self.base.ids.edit(self.removed, self.added.ids),
+            base,
+            ids=base.ids.edit(self.removed, self.added.ids),
             boxes=boxes,
             max_log_scales=max_log_scales,
-            read=edits.read,
+            read=lambda chunk: self._read(chunk, names, read),
+            read_features=lambda chunk: self._read(chunk, ["features"], read_features)["features"],
             edits=self,
         )
 
-    def read(self, chunk: int) -> Arrays:
-        """Return the arrays of a chunk of the edited map."""
+    def _read(
+        self, chunk: int, names: Sequence[str], read: Callable[[int], Arrays]
+    ) -> dict[str, NDArray[Any]]:
+        """Return arrays of a chunk of the edited map; `read` returns those of one of the base."""
         first = chunk * CHUNK_SIZE
         rows = self.base_rows(np.arange(first, min(first + CHUNK_SIZE, self.kept)))
         tail = slice(max(first - self.kept, 0), max(first + CHUNK_SIZE - self.kept, 0))
-        parts = []
-        for source in np.unique(rows // CHUNK_SIZE).tolist():
-            own = rows[rows // CHUNK_SIZE == source] - source * CHUNK_SIZE
-            parts.append({name: array[own] for name, array in self.base.read(source).items()})
-        parts.append({name: getattr(self.added, name)[tail] for name in ROW_ARRAYS})
-        arrays = {name: np.concatenate([part[name] for part in parts]) for name in ROW_ARRAYS}
+        sources = [
+            (read(source), rows[rows // CHUNK_SIZE == source] - source * CHUNK_SIZE)
+            for source in np.unique(rows // CHUNK_SIZE).tolist()
+        ]
         _, places, values = np.intersect1d(rows, self.rows, True, return_indices=True)
-        for name in ROW_ARRAYS:
+        arrays = {}
+        for name in names:
+            parts = [found[name][own] for found, own in sources]
+            arrays[name] = np.concatenate([*parts, getattr(self.added, name)[tail]])
             arrays[name][places] = getattr(self.changed, name)[values]
         return arrays
 

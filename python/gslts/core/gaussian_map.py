@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isqrt, pi, sqrt
 from typing import TYPE_CHECKING, Any
@@ -151,7 +151,7 @@ class GaussianMap:
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays in memory, and on the disk but for headers."""
-        return sum(self._stored(name).nbytes for name in _ARRAYS)
+        return sum(self._stored(name).nbytes for name in ROW_ARRAYS) + self.origin.nbytes
 
     @property
     def sh_degree(self) -> int:
@@ -225,6 +225,34 @@ class GaussianMap:
         rows: Indices = chunks.astype(np.intp)[:, None] * CHUNK_SIZE + np.arange(CHUNK_SIZE)
         return rows[rows < self.size]
 
+    def parts(self) -> Iterator[tuple[slice, GaussianMap]]:
+        """Yield the whole map in parts of some thousand Gaussians, with their rows.
+
+        What was not read from the disk before is not kept in memory.
+        """
+        for first in range(0, self.size, CHUNK_SIZE):
+            rows = slice(first, min(first + CHUNK_SIZE, self.size))
+            if self._memory is None:
+                yield rows, self.part(rows)
+            else:
+                yield rows, self._of_arrays(self._memory.peek(first // CHUNK_SIZE))
+
+    def part(self, rows: slice) -> GaussianMap:
+        """Return consecutive Gaussians; it costs no copy and no check.
+
+        Args:
+            rows: First row, and the row after the last.
+        """
+        self._load(np.arange(rows.start, rows.stop))
+        return self._of_arrays({name: self._stored(name)[rows] for name in ROW_ARRAYS})
+
+    def _of_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> GaussianMap:
+        """Return a map of arrays that were checked before."""
+        result = object.__new__(GaussianMap)
+        views = {name: _read_only(name, array) for name, array in arrays.items()}
+        result.__dict__.update(views, origin=self.origin)
+        return result
+
     def centers(self, rows: NDArray[Any]) -> Floats:
         """Return centres of Gaussians in the world.
 
@@ -234,8 +262,9 @@ class GaussianMap:
         Returns:
             [M,3] m.
         """
-        self._load(rows)
-        return self._stored("means")[rows] + self.origin
+        self._load(rows, features=False)
+        centers: Floats = self._stored("means")[rows] + self.origin
+        return centers
 
     def rows_of_ids(self, ids: UInts64) -> Indices:
         """Return the rows of Gaussians of a map whose ids rise.
@@ -293,6 +322,10 @@ class GaussianMap:
         result.__dict__.update(self.__dict__, features=_read_only("features", checked(self.ids)))
         return result
 
+    def without_features(self) -> GaussianMap:
+        """Return the map without features, which renders in half the time; it costs no copy."""
+        return self.with_features(lambda ids: np.zeros((len(ids), 0), self.dtype))
+
     def astype(self, dtype: DTypeLike) -> GaussianMap:
         """Return the map in another dtype; ids and origin do not change.
 
@@ -334,15 +367,15 @@ class GaussianMap:
 
     def _stored(self, name: str) -> NDArray[Any]:
         """Return an array in which chunks that were not read are zero."""
-        in_memory = self._memory is None or name == "origin"
-        array: NDArray[Any] = self.__dict__[name] if in_memory else self._memory.arrays[name]
+        arrays = self.__dict__ if self._memory is None else self._memory.arrays
+        array: NDArray[Any] = arrays[name]
         return array
 
-    def _load(self, rows: NDArray[Any]) -> None:
+    def _load(self, rows: NDArray[Any], *, features: bool = True) -> None:
         """Read the chunks of some rows."""
         if self._memory is not None:
             rows = np.flatnonzero(rows) if rows.dtype.kind == "b" else rows % self.size
-            self._memory.load(self._memory.chunks.of_rows(rows))
+            self._memory.load(self._memory.chunks.of_rows(rows), features=features)
 
     def _find_ids(self, ids: UInts64) -> tuple[Indices, Bools]:
         """Return the rows [M] of Gaussians by their ids, and True for those that are there."""

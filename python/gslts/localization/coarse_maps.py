@@ -19,11 +19,11 @@ class CoarseMaps:
     """Views of one map for images of different sizes, with half of the Gaussians per halving.
 
     Args:
-        gaussian_map: float32.
+        gaussian_map: float32; its features are not used.
     """
 
     def __init__(self, gaussian_map: GaussianMap) -> None:
-        self._map = gaussian_map
+        self._map = gaussian_map.without_features()
         self._views: dict[int, GaussianViewFloat] = {}
 
     def for_level(self, halvings: int) -> GaussianViewFloat:
@@ -76,6 +76,7 @@ def thin(gaussian_map: GaussianMap, factor: int) -> GaussianMap:
         boxes=np.stack([low, high], axis=1),
         max_log_scales=np.maximum.reduceat(chunks.max_log_scales, starts) + np.log(factor) / 3,
         read=lambda chunk: _arrays(kept(chunk * factor, (chunk + 1) * factor)),
+        read_features=lambda chunk: np.zeros((min(CHUNK_SIZE, count - chunk * CHUNK_SIZE), 0)),
     )
     return GaussianMap.of_chunks(coarse, gaussian_map.origin)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -82,7 +83,7 @@ def compare_by_ids(before: GaussianMap, after: GaussianMap) -> Delta:
     old_rows, new_rows = np.flatnonzero(kept), np.flatnonzero(in_before)
     differs = np.zeros(len(old_rows), np.bool_)
     for name in ARRAYS:
-        # As bits, so that -0 differs from 0.
+        # As bits, so that -0 differs from 0; in words, which is faster than in bytes.
         old, new = _bits(getattr(before, name)[old_rows]), _bits(getattr(after, name)[new_rows])
         differs |= old.shape != new.shape or (old != new).any(axis=1)
     return Delta(
@@ -249,7 +250,6 @@ def _rows_of(ids: Ids, alive: Bools, wanted: Ids) -> NDArray[np.intp]:
     return rows
 
 
-def _bits(array: NDArray[Any]) -> NDArray[np.uint8]:
-    width = int(np.prod(array.shape[1:]))
-    rows = np.ascontiguousarray(array).reshape(len(array), width)
-    return rows.view(np.uint8).reshape(len(array), width * array.itemsize)
+def _bits(array: NDArray[Any]) -> NDArray[np.uint32]:
+    words = prod(array.shape[1:]) * array.itemsize // 4
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint32).reshape(len(array), words)

@@ -107,7 +107,9 @@ class MapReader(History):
             {name: array for name, array in arrays.items() if not name.startswith(PREFIX)}
         )
 
-    def _reconstruction(self, number: int, snapshots: Mapping[int, Snapshot]) -> tuple[int, list[Blob]]:
+    def _reconstruction(
+        self, number: int, snapshots: Mapping[int, Snapshot]
+    ) -> tuple[int, list[Blob]]:
         """Return the version with a snapshot to start from, and the deltas to apply to it."""
         deltas: list[Blob] = []
         for ancestor in self._index.lineage(number):

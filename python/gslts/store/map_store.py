@@ -331,4 +331,3 @@ class MapStore(MapReader):
         if self._lock is not None:
             self._lock.close()
             self._lock = None
-

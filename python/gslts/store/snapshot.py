@@ -29,6 +29,8 @@ PREFIX = "chunks."
 """Of the names of the arrays of the table."""
 TABLE = (*(PREFIX + name for name in ("sha256", "boxes", "log_scales", "id_rows", "ids")), "origin")
 """Arrays of the head, which stand before those of the Gaussians."""
+GROUPS = (tuple(name for name in ROW_ARRAYS if name != "features"), ("features",))
+"""Arrays of a chunk with one checksum each: the features are read for semantics alone."""
 MAX_HEADER_BYTES = 1 << 16
 """Bounds the memory for a hostile file; the header takes 1 KiB."""
 DTYPES = {"U8": np.uint8, "U64": np.uint64, "I64": np.int64, "F32": np.float32, "F64": np.float64}
@@ -55,15 +57,18 @@ def write_snapshot(blobs: Blobs, gaussian_map: GaussianMap) -> Snapshot:
     rows = {name: getattr(gaussian_map, name) for name in ROW_ARRAYS}
     bounds, ids = gaussian_map.view().chunk_bounds("write_snapshot"), IdRuns.of(gaussian_map.ids)
     digests = [
-        _digest(array[first : first + CHUNK_SIZE] for array in rows.values())
+        _digest(rows[name][first : first + CHUNK_SIZE] for name in names)
         for first in range(0, gaussian_map.size, CHUNK_SIZE)
+        for names in GROUPS
     ]
-    checksums = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, 32)
+    checksums = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(GROUPS), 32)
     table = (checksums, bounds.boxes(), bounds.max_log_scales(), ids.rows, ids.first_ids)
-    named = dict(zip(TABLE, (*table, gaussian_map.origin), strict=True))
+    named: dict[str, NDArray[Any]] = dict(zip(TABLE, (*table, gaussian_map.origin), strict=True))
     layout = {name: (array.dtype, array.shape) for name, array in {**named, **rows}.items()}
     head = b"".join([_header(layout), *(array.tobytes() for array in named.values())])
-    blob = blobs.write_parts([head, *(array.reshape(-1).view(np.uint8) for array in rows.values())])
+    blob = blobs.write_parts(
+        [head, *(array.reshape(-1).view(np.uint8).data for array in rows.values())]
+    )
     return Snapshot(**dict(blob), head=hashlib.sha256(head).hexdigest())
 
 
@@ -97,15 +102,15 @@ def require_intact(blobs: Blobs, blob: Blob) -> None:
         OSError: The file cannot be read.
         ValueError: The file is damaged.
     """
-    file = None
-    if isinstance(blob, Snapshot) and blob.head is not None:
-        path = blobs.path(blob.key)
-        file = SnapshotFile(path, blob, str(path))
+    if not isinstance(blob, Snapshot) or blob.head is None:
+        blobs.verify(blob)
+        return
+    path = blobs.path(blob.key)
+    file = SnapshotFile(path, blob, str(path))
     try:
         blobs.verify(blob)
     except ValueError:
-        for chunk in range(file.count if file is not None else 0):
-            file.read(chunk)
+        file.require_intact()
         raise
 
 
@@ -131,12 +136,11 @@ class SnapshotFile:
         with missing_file(path):
             self._descriptor = os.open(path, os.O_RDONLY)
         try:
-            self._layout, table, self._begin = self._read_head(snapshot)
-            checksums, self._boxes, self._max_log_scales, rows, first_ids, self.origin = table
-            self._ids = IdRuns(self._layout["ids"][1][0], rows, first_ids)
+            self._layout, self._starts, table = self._read_head(snapshot)
+            self._checksums, self._boxes, self._max_log_scales, *runs, self.origin = table
+            self._ids = IdRuns(self._layout["ids"][1][0], *runs)
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{label}: its head is damaged: {error}; {REPAIR}") from None
-        self._checksums = [row.tobytes() for row in checksums]
         self.count = len(self._checksums)
 
     def __del__(self) -> None:
@@ -150,48 +154,75 @@ class SnapshotFile:
             for name, (dtype, shape) in self._layout.items()
             if name in ROW_ARRAYS
         }
-        return Chunks(self._ids, layout, self._boxes, self._max_log_scales, self.read)
+        return Chunks(
+            self._ids, layout, self._boxes, self._max_log_scales, self.read, self.read_features
+        )
 
     def read(self, chunk: int) -> Arrays:
-        """Read a chunk.
+        """Read the arrays of a chunk but for the features; raises as `require_intact`.
 
         Args:
             chunk: Its number.
+        """
+        arrays, rows = self._read(chunk, 0), self._rows(chunk)
+        try:
+            GaussianMap(**arrays, origin=self.origin)  # Checks all values.
+            if (arrays["ids"] != self._ids.at(np.arange(rows.start, rows.stop))).any():
+                raise ValueError("its ids are not those of the head")
+        except ValueError as error:
+            raise self._damage_error(chunk, error) from None
+        return arrays
 
-        Returns:
-            The arrays of its Gaussians.
+    def read_features(self, chunk: int) -> NDArray[Any]:
+        """Read the features of a chunk; raises as `require_intact`.
+
+        Args:
+            chunk: Its number.
+        """
+        features = self._read(chunk, 1)["features"]
+        if not np.isfinite(features).all():
+            raise self._damage_error(chunk, "features: must be finite")
+        return features
+
+    def require_intact(self) -> None:
+        """Read all chunks.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: The chunk is damaged.
+            ValueError: A chunk is damaged.
         """
-        first = chunk * CHUNK_SIZE
-        offset, parts = self._begin, {}
-        for name in ROW_ARRAYS:
-            dtype, (size, *shape) = self._layout[name]
-            row_bytes = prod(shape) * dtype.itemsize
-            count = min(CHUNK_SIZE, size - first)
-            content = os.pread(self._descriptor, count * row_bytes, offset + first * row_bytes)
-            parts[name] = (content, dtype, (count, *shape))
-            offset += size * row_bytes
-        try:
-            if _digest(content for content, _, _ in parts.values()) != self._checksums[chunk]:
-                raise ValueError("its checksum does not match")
-            arrays = {
-                name: np.frombuffer(content, dtype).reshape(shape)
-                for name, (content, dtype, shape) in parts.items()
-            }
-            GaussianMap(**arrays, origin=self.origin)  # Checks all values.
-            if (arrays["ids"] != self._ids.at(np.arange(first, first + count))).any():
-                raise ValueError("its ids are not those of the head")
-        except ValueError as error:
-            raise ValueError(
-                f"{self._label}: block {chunk + 1} of {self.count} is damaged: {error}; {REPAIR}"
-            ) from None
-        return arrays
+        for chunk in range(self.count):
+            self.read(chunk)
+            self.read_features(chunk)
 
-    def _read_head(self, snapshot: Snapshot) -> tuple[Layout, list[NDArray[Any]], int]:
-        """Return the layout of the file, the arrays of the head, and the end of the head, bytes."""
+    def _read(self, chunk: int, group: int) -> dict[str, NDArray[Any]]:
+        """Read and check the arrays of a group of a chunk."""
+        rows, contents = self._rows(chunk), {}
+        for name in GROUPS[group]:
+            dtype, (_, *shape) = self._layout[name]
+            row_bytes = prod(shape) * dtype.itemsize
+            start = self._starts[name] + rows.start * row_bytes
+            length = (rows.stop - rows.start) * row_bytes
+            contents[name] = os.pread(self._descriptor, length, start)
+        if _digest(contents.values()) != self._checksums[chunk, group].tobytes():
+            raise self._damage_error(chunk, "its checksum does not match")
+        return {
+            name: np.frombuffer(content, self._layout[name][0]).reshape(
+                rows.stop - rows.start, *self._layout[name][1][1:]
+            )
+            for name, content in contents.items()
+        }
+
+    def _rows(self, chunk: int) -> slice:
+        return slice(chunk * CHUNK_SIZE, min((chunk + 1) * CHUNK_SIZE, self._ids.size))
+
+    def _damage_error(self, chunk: int, reason: object) -> ValueError:
+        return ValueError(
+            f"{self._label}: block {chunk + 1} of {self.count} is damaged: {reason}; {REPAIR}"
+        )
+
+    def _read_head(self, snapshot: Snapshot) -> tuple[Layout, dict[str, int], list[NDArray[Any]]]:
+        """Return the layout of the file, where each array starts, and the arrays of the head."""
         if os.fstat(self._descriptor).st_size != snapshot.size:
             raise ValueError(f"the file has not {snapshot.size} bytes")
         length = int.from_bytes(os.pread(self._descriptor, 8, 0), "little")
@@ -209,18 +240,20 @@ class SnapshotFile:
             or header != _header(layout)
             or len(header) + sum(sizes) != snapshot.size
             or len({layout[name][1][0] for name in ROW_ARRAYS}) != 1
-            or layout[TABLE[0]][1] != (chunks, 32)
+            or layout[TABLE[0]][1] != (chunks, len(GROUPS), 32)
         ):
             raise ValueError("the header is not that of a snapshot")
-        ends = np.cumsum([len(header), *sizes[: len(TABLE)]]).tolist()
-        head = os.pread(self._descriptor, ends[-1], 0)
+        starts = dict(zip(layout, np.cumsum([len(header), *sizes]).tolist(), strict=False))
+        head = os.pread(self._descriptor, starts[ROW_ARRAYS[0]], 0)
         if hashlib.sha256(head).hexdigest() != snapshot.head:
             raise ValueError("its checksum does not match")
-        arrays = [
-            np.frombuffer(head[start:end], layout[name][0]).reshape(layout[name][1])
-            for name, start, end in zip(TABLE, ends, ends[1:], strict=False)
+        table = [
+            np.frombuffer(head, layout[name][0], prod(layout[name][1]), starts[name]).reshape(
+                layout[name][1]
+            )
+            for name in TABLE
         ]
-        return layout, arrays, ends[-1]
+        return layout, starts, table
 
 
 def _header(layout: Layout) -> bytes:

@@ -15,6 +15,7 @@ from gslts.core.camera import unproject
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import product, rotation, transform
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.rigid_motion import MAX_COLOR_STEP, depth_tolerance_m, project_points
 from gslts.update.views import MIN_ALPHA, View
@@ -114,7 +115,8 @@ def _sample(gaussian_map: GaussianMap, rows: Bools, view: View, threads: int) ->
     drawn = gaussian_map.with_features(
         lambda ids: np.isin(ids, own_ids)[:, None].astype(np.float32)
     )
-    images = Rasterizer(np.float32).forward(drawn, view.camera, RenderOptions(threads=threads))
+    options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
+    images = Rasterizer(np.float32).forward(drawn, view.camera, options)
     own = (images.features[..., 0] > MIN_ALPHA * images.alpha) & (view.rendered_depth > 0)
     v, u = np.nonzero(own)
     chosen = np.linspace(0, len(v) - 1, min(len(v), MAX_SAMPLES)).round().astype(np.intp)

@@ -3,6 +3,7 @@
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def read(folder: Path, number: int | None = None) -> GaussianMap:
 def loaded_chunks(gaussian_map: GaussianMap) -> int:
     memory = gaussian_map._memory
     assert memory is not None
-    return int((~memory._missing).sum())
+    return int((~memory._common._missing).sum())
 
 
 def damage(folder: Path, row: int) -> Path:
@@ -99,7 +100,9 @@ def test_other_features_of_what_is_read(folder: Path, large: GaussianMap) -> Non
 
 def test_arrays_as_a_whole_are_those_of_the_map(folder: Path, large: GaussianMap) -> None:
     stored = read(folder)
-    assert_same(replace(stored, features=large.features + 1), replace(large, features=large.features + 1))
+    assert_same(
+        replace(stored, features=large.features + 1), replace(large, features=large.features + 1)
+    )
     assert_same(read(folder).astype(np.float64), large.astype(np.float64))
     with pytest.raises(AttributeError, match="no attribute mean"):
         _ = stored.mean  # type: ignore[attr-defined]
@@ -124,7 +127,15 @@ def test_later_versions_are_read_in_blocks(folder: Path, large: GaussianMap, see
             old = part.ids < store.version().next_id
             both = np.isin(maps[-1].ids, part.ids[old])
             arrays = {}
-            for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "features", "ids"):
+            for name in (
+                "means",
+                "quats",
+                "log_scales",
+                "logit_opacities",
+                "sh",
+                "features",
+                "ids",
+            ):
                 array = getattr(maps[-1], name).copy()
                 array[both] = getattr(part, name)[old]
                 arrays[name] = np.concatenate([array[keep | both], getattr(part, name)[~old]])
@@ -143,7 +154,7 @@ def test_later_versions_are_read_in_blocks(folder: Path, large: GaussianMap, see
         assert_same(stored.select(np.unique(rows)), expected.select(np.unique(rows)))
         assert_same(stored, expected)
     in_memory = read(folder, 1)
-    for before, after in zip(maps, maps[1:], strict=False):
+    for before, after in pairwise(maps):
         in_memory = apply_deltas(in_memory, [compute_delta(before, after)])
     assert loaded_chunks(in_memory) == 0
     assert_same(in_memory, maps[-1])
@@ -210,7 +221,7 @@ def test_a_file_with_a_damaged_head_is_not_opened(folder: Path, harm: str) -> No
     assert path.name in problems[0]
 
 
-def test_a_file_that_is_cut_while_it_is_read_is_damaged(folder: Path, large: GaussianMap) -> None:
+def test_a_file_that_is_cut_while_it_is_read_is_damaged(folder: Path) -> None:
     stored = read(folder)
     (path,) = blobs_of(folder)
     with path.open("r+b") as file:

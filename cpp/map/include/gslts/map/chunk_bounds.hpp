@@ -12,7 +12,7 @@ struct GaussianView;
 
 /// Number of consecutive Gaussians of a chunk, the unit in which a map is culled and projected; few
 /// enough for their parameters to stay in the L2 cache.
-constexpr std::size_t kChunkSize = 4096;
+constexpr std::size_t kChunkSize = 1024;
 
 /// Bounds of every chunk of a map: an index by which a renderer skips the chunks out of view. It
 /// skips most of a large map if Gaussians that are near each other are so in the arrays, too; the
