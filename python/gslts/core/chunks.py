@@ -108,9 +108,13 @@ class ChunkMemory:
         if features:
             self._features.load(chunks)
 
-    def load_all(self) -> None:
-        """Read all chunks; raises as `load`."""
-        self.load(np.arange(len(self.chunks.boxes)))
+    def load_all(self, *, features: bool = True) -> None:
+        """Read all chunks; raises as `load`.
+
+        Args:
+            features: Read the features as well.
+        """
+        self.load(np.arange(len(self.chunks.boxes)), features=features)
 
     def peek(self, chunk: int) -> Arrays:
         """Return the arrays of a chunk, which are not kept if they are read; raises as `load`.

@@ -49,8 +49,8 @@ class GaussianMap:
     use.
 
     A large map from a store reads its Gaussians, a chunk of some thousands at a time, when they are
-    asked for: by a rendering, by `select` and `centers`, or all of them by an array such as
-    `means`. All of these then may raise OSError or ValueError, for a file that is damaged.
+    asked for: by a rendering, by `select`, `part` and `centers`, or all of them by an array such as
+    `means`. All of these may raise OSError or ValueError then, for a file that is damaged.
 
     Args:
         means: [N,3] centres, m, relative to `origin`, world axes.
@@ -126,10 +126,10 @@ class GaussianMap:
     if not TYPE_CHECKING:  # All attributes are known to it.
 
         def __getattr__(self, name: str) -> Any:
-            """Return an array of a map that reads its chunks when asked: all are read."""
+            """Return an array of a map that reads its chunks when asked, after all are read."""
             if name not in _ARRAYS or self.__dict__.get("_memory") is None:
                 raise AttributeError(f"GaussianMap has no attribute {name}")
-            self._memory.load_all()
+            self._memory.load_all(features=name == "features")
             return _read_only(name, self._memory.arrays[name])
 
     def __repr__(self) -> str:

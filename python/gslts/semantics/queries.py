@@ -113,10 +113,8 @@ class SemanticQueries:
     def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
         self.gaussian_map, self._source = gaussian_map, source
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
-        points, features = (
-            [np.zeros((0, 3))],
-            [np.zeros((0, gaussian_map.feature_dims), np.float32)],
-        )
+        points = [np.zeros((0, 3))]
+        features: list[FloatArray] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
         step = max(1, gaussian_map.size // SAMPLE_SIZE)
         for _, part in gaussian_map.parts():
             sample = _scored(part, np.arange(part.size))[::step]
@@ -212,7 +210,9 @@ class SemanticQueries:
         cells = np.unique(np.floor(points / NEIGHBOURHOOD_M), axis=0)
         keys = np.unique(cell_keys(points, NEIGHBOURHOOD_M))
         keys = np.unique(keys[:, None] + NEIGHBOURS)
-        rows, near, features = [], [], []
+        rows: list[Indices] = []
+        near: list[Floats] = []
+        features: list[FloatArray] = []
         for chunk in self._chunks_near(cells):
             first = chunk * CHUNK_SIZE
             end = min(first + CHUNK_SIZE, self.gaussian_map.size)
