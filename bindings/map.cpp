@@ -153,6 +153,33 @@ GaussianView<T> make_view(const py::array& means, const py::array& quats,
   return view;
 }
 
+/// Makes the bounds of a map whose chunks are loaded when a renderer is about to read them.
+ChunkBounds make_chunk_bounds(std::size_t size, const py::array& boxes, const py::array& log_scales,
+                              const py::function& load) {
+  const auto count = static_cast<py::ssize_t>((size + kChunkSize - 1) / kChunkSize);
+  const double* corners = require_array<double>(boxes, "boxes", {count, 2, 3});
+  const double* largest = require_array<double>(log_scales, "max_log_scales", {count});
+  ChunkBounds bounds;
+  bounds.size = size;
+  for (py::ssize_t chunk = 0; chunk < count; ++chunk, corners += 6) {
+    bounds.chunks.push_back({{corners[0], corners[1], corners[2]},
+                             {corners[3], corners[4], corners[5]},
+                             largest[chunk]});
+  }
+  bounds.load = [load](const std::vector<std::uint32_t>& chunks) {
+    const py::gil_scoped_acquire acquire;
+    load(py::array_t<std::uint32_t>(static_cast<py::ssize_t>(chunks.size()), chunks.data()));
+  };
+  return bounds;
+}
+
+/// Returns the largest standard deviation of each chunk as an array [C].
+py::array_t<double> max_log_scales_of(const ChunkBounds& bounds) {
+  Array<double> largest;
+  for (const ChunkBounds::Box& box : bounds.chunks) largest.push_back(box.max_log_scale);
+  return to_numpy(std::move(largest), {static_cast<py::ssize_t>(bounds.chunks.size())});
+}
+
 /// Returns the boxes of the chunks as an array [C,2,3].
 py::array_t<double> boxes_of(const ChunkBounds& bounds) {
   Array<double> corners;
@@ -168,8 +195,23 @@ void define_chunk_bounds(py::module_& m) {
   py::class_<ChunkBounds>(m, "ChunkBounds",
                           "Bounds of chunks, runs of CHUNK_SIZE consecutive Gaussians: an index by "
                           "which renderers skip those out of view.")
+      .def(py::init(&make_chunk_bounds), py::kw_only(), py::arg("size"), py::arg("boxes"),
+           py::arg("max_log_scales"), py::arg("load"),
+           R"(Bounds of a map whose chunks are loaded when they are needed.
+
+Args:
+    size: N, Gaussians of the map.
+    boxes: [C,2,3] float64, as `boxes` returns them.
+    max_log_scales: [C] float64, as `max_log_scales` returns them.
+    load: Called with the chunks [K] uint32 that a renderer is about to read. What it raises ends
+        the rendering.
+
+Raises:
+    ValueError: An array has another shape or dtype.)")
       .def("boxes", &boxes_of,
-           "Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.");
+           "Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.")
+      .def("max_log_scales", &max_log_scales_of,
+           "Return [C] log of the largest standard deviation of each chunk in m.");
 }
 
 template <typename T>

@@ -51,6 +51,7 @@ Images<T> RenderState<T>::render(const GaussianView<T>& gaussians) {
 template <typename T>
 void RenderState<T>::project(const GaussianView<T>& gaussians) {
   splats.chunks = chunks_in_view(gaussians, *setup);
+  if (gaussians.bounds && gaussians.bounds->load) gaussians.bounds->load(splats.chunks);
   const std::size_t chunks = splats.chunks.size();
   const std::size_t slots = std::min(chunks * kChunkSize, gaussians.size);
   splats.splats.resize(slots);

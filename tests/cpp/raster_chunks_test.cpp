@@ -128,6 +128,48 @@ TYPED_TEST(Chunks, ChunksOutOfViewAreNotRead) {
   EXPECT_THROW(rasterizer.forward(map.view(), camera), std::invalid_argument);
 }
 
+TYPED_TEST(Chunks, ChunksAreLoadedBeforeTheyAreRead) {
+  using T = TypeParam;
+  const auto whole = clustered_map<T>(2);
+  ChunkBounds bounds = chunk_bounds(whole.view(), "test");
+  auto map = whole;  // Its chunks are filled when they are asked for.
+  for (auto* array : {&map.means, &map.quats, &map.log_scales, &map.logit_opacities, &map.sh}) {
+    std::fill(array->begin(), array->end(), T(0));
+  }
+  std::vector<std::uint8_t> loaded(bounds.chunks.size());
+  const auto copy = [&](const Array<T>& from, Array<T>& to, std::size_t chunk) {
+    const std::size_t columns = from.size() / whole.size();
+    const std::size_t begin = chunk * kChunkSize;
+    const std::size_t end = std::min(begin + kChunkSize, whole.size());
+    std::copy(from.begin() + begin * columns, from.begin() + end * columns,
+              to.begin() + begin * columns);
+  };
+  bounds.load = [&](const std::vector<std::uint32_t>& chunks) {
+    for (const std::uint32_t chunk : chunks) {
+      copy(whole.means, map.means, chunk);
+      copy(whole.quats, map.quats, chunk);
+      copy(whole.log_scales, map.log_scales, chunk);
+      copy(whole.logit_opacities, map.logit_opacities, chunk);
+      copy(whole.sh, map.sh, chunk);
+      loaded[chunk] = 1;
+    }
+  };
+  GaussianView<T> view = map.view();
+  view.bounds = &bounds;
+  Random random(3);
+  Rasterizer<T> plain, loading;
+  for (int trial = 0; trial < 5; ++trial) {
+    const Camera camera = random_camera(random, whole.origin);
+    const Images<T> expected = plain.forward(whole.view(), camera);
+    const Images<T> got = loading.forward(view, camera);
+    EXPECT_EQ(expected.rgb, got.rgb);
+    EXPECT_EQ(expected.depth, got.depth);
+    if (trial == 0) EXPECT_GT(std::count(loaded.begin(), loaded.end(), 0), 0);
+  }
+  bounds.load = [](const std::vector<std::uint32_t>&) { throw std::runtime_error("damaged"); };
+  EXPECT_THROW(loading.forward(view, random_camera(random, whole.origin)), std::runtime_error);
+}
+
 TYPED_TEST(Chunks, NothingInViewIsBackground) {
   using T = TypeParam;
   const auto map = clustered_map<T>(1);

@@ -2,6 +2,7 @@
 Cameras and views of Gaussians.
 """
 from __future__ import annotations
+import collections.abc
 import numpy
 import numpy.typing
 import typing
@@ -85,9 +86,27 @@ class ChunkBounds:
     """
     Bounds of chunks, runs of CHUNK_SIZE consecutive Gaussians: an index by which renderers skip those out of view.
     """
+    def __init__(self, *, size: typing.SupportsInt | typing.SupportsIndex, boxes: numpy.ndarray, max_log_scales: numpy.ndarray, load: collections.abc.Callable) -> None:
+        """
+        Bounds of a map whose chunks are loaded when they are needed.
+        
+        Args:
+            size: N, Gaussians of the map.
+            boxes: [C,2,3] float64, as `boxes` returns them.
+            max_log_scales: [C] float64, as `max_log_scales` returns them.
+            load: Called with the chunks [K] uint32 that a renderer is about to read. What it raises ends
+                the rendering.
+        
+        Raises:
+            ValueError: An array has another shape or dtype.
+        """
     def boxes(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.
+        """
+    def max_log_scales(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Return [C] log of the largest standard deviation of each chunk in m.
         """
 class GaussianViewFloat:
     """

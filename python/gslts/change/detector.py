@@ -121,13 +121,16 @@ class ChangeDetector:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
-        ids = gaussian_map.ids
-        drawn = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
-        self._drawn = gaussian_map.with_features(drawn.astype(np.float32))
+        self._plain = gaussian_map.without_features()
+        self._drawn = gaussian_map.with_features(
+            lambda ids: np.column_stack(
+                [measurements.is_measured_of(ids), measurements.errors_of(ids)]
+            ).astype(np.float32)
+        )
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         witnesses = choose_evenly(self.cameras, MAX_CAMERAS)
-        self._visibility = Visibility(gaussian_map, witnesses, self.config.threads)
+        self._visibility = Visibility(self._plain, witnesses, self.config.threads)
         share = math.ceil(MAX_WITNESS_SHARE * len(witnesses))
         self._min_witnesses = min(MIN_WITNESSES, share)
         self._rasterizer = Rasterizer(np.float32)
@@ -211,7 +214,7 @@ class ChangeDetector:
             fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
         if fault is None and self.config.align_pose:
             pose = align_pose(
-                self._map,
+                self._plain,
                 reversed(pyramid[self.config.halvings :]),
                 stds=POSE_STDS,
                 threads=self.config.threads,

@@ -19,6 +19,7 @@ from gslts.change.constants import (
     VISIBILITY_WIDTH_PX,
 )
 from gslts.core.camera import Camera, TrainingCamera
+from gslts.core.edited_map import remove_from_id
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.measurements import surface_margin_m
@@ -58,7 +59,6 @@ class Visibility:
             RenderOptions(far_m=VISIBILITY_RANGE_M, threads=threads),
         )
         self._rasterizer = Rasterizer(np.float32)
-        self._newest_id = int(gaussian_map.ids.max(initial=0))
         cameras = tuple(cameras)
         self._cameras = small = [_scale(camera) for camera in cameras]
         self._next_ids = [c.next_id if isinstance(c, TrainingCamera) else None for c in cameras]
@@ -141,9 +141,9 @@ class Visibility:
             pixels = slice(first, first + depth.size)
             self._depths[pixels] = depth.ravel()
             next_id = self._next_ids[row]
-            if next_id is not None and self._newest_id >= next_id:
+            if next_id is not None and next_id < self._map.next_id:
                 if next_id != older_than:
-                    older, older_than = self._map.select(self._map.ids < next_id), next_id
+                    older, older_than = remove_from_id(self._map, next_id), next_id
                 seen = _fill_holes(self._depth(older, self._cameras[row]))
                 self._ranges[pixels] = seen.ravel()
             self._rendered[row] = True

@@ -105,7 +105,7 @@ def _commit(
     if landmarks is not None:
         added = read_landmark_file(replica.folder, landmarks)
         added = replace(added, gaussians=ids.of(added.gaussians))
-        added = added.of_gaussians(verdict.delta.added.ids)
+        added = added.of_gaussians(verdict.delta.added)
         landmarks = write_landmarks(added, replica.folder) if added.size else None
     made: dict[str, object] = {"landmarks": landmarks}
     if isinstance(cause, UpdateCause):

@@ -19,7 +19,7 @@ from gslts.semantics.files import autoencoder_path
 from gslts.store.causes import Record, Sha256, first_problem
 from gslts.store.manifest import CAMERAS, MANIFEST, update_image_path
 from gslts.store.measurements import FILE as MEASUREMENTS
-from gslts.store.records import Blob, ObjectEvent, Rejection, Version
+from gslts.store.records import Blob, ObjectEvent, Rejection, Snapshot, Version
 from gslts.store.trajectory_file import TRAJECTORY
 
 CONTROL_CHARACTERS = re.compile("[\\x00-\\x1f\\x7f-\\x9f]")
@@ -54,7 +54,7 @@ class SharedVersion(Record):
     origin: Sha256
     previous: Sha256 | None
     version: Version
-    snapshot: Blob | None = None
+    snapshot: Snapshot | None = None
     events: tuple[ObjectEvent, ...] = ()
     rejections: tuple[Rejection, ...] = ()
     files: dict[FileName, Blob] = Field(default_factory=dict)

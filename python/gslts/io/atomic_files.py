@@ -9,14 +9,18 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 
-def write_atomic(path: Path, content: bytes) -> None:
+def write_atomic(path: Path, *content: ReadableBuffer) -> None:
     """Write a file atomically; when this returns, it is synced to the disk.
 
     Args:
         path: File to write; an old one stays until the new one is complete.
-        content: All of its bytes.
+        content: All of its bytes, in parts.
 
     Raises:
         OSError: The file cannot be written or synced; an old file is unchanged.
@@ -24,7 +28,8 @@ def write_atomic(path: Path, content: bytes) -> None:
     temporary = temporary_path(path)
     try:
         with name_in_errors(path), temporary.open("wb") as file:
-            file.write(content)
+            for part in content:
+                file.write(part)
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)

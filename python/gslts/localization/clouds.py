@@ -53,8 +53,9 @@ class SurfaceCloud:
     def _points(self, low: Floats, high: Floats) -> Floats32:
         """Return the centres [P,3] of solid Gaussians between two corners (3,) in the map, m."""
         rows = self._map.rows_in_box(low + self._map.origin, high + self._map.origin)
-        points = self._map.means[rows]
-        solid = self._map.logit_opacities[rows] > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
+        near_map = self._map.select(rows)
+        points = near_map.means
+        solid = near_map.logit_opacities > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
         near: Floats32 = points[solid & ((points > low) & (points < high)).all(axis=1)]
         return near
 

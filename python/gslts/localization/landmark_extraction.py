@@ -29,6 +29,7 @@ from gslts.localization.constants import (
 )
 from gslts.localization.landmarks import Landmarks, limit_size, remove_duplicates
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools, Bytes, Floats32
 
 
@@ -53,12 +54,13 @@ def extract_landmarks(
     Raises:
         ValueError: The map is not float32.
     """
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer, plain = Rasterizer(np.float32), gaussian_map.without_features()
     rule = _core.FeatureRule(count=KEYFRAME_KEYPOINTS)
     cameras: list[Camera] = []
     positions, descriptors = [np.zeros((0, 3))], [np.zeros((0, 32), np.uint8)]
     for frame, allowed in _keyframes(frames, wanted):
-        images = rasterizer.forward(gaussian_map, frame.camera, options)
+        options = RenderOptions(far_m=view_range_m(frame.depth), threads=threads)
+        images = rasterizer.forward(plain, frame.camera, options)
         depth = images.depth.astype(np.float32)
         valid = _on_surfaces(frame, depth, images.alpha >= MIN_ALPHA)
         if allowed is not None:

@@ -92,10 +92,11 @@ def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landm
         return None
     with open_map(folder) as store:
         versions = store.lineage(number)
-        ids = (store.read(versions[-1].number) if gaussian_map is None else gaussian_map).ids
+        if gaussian_map is None:
+            gaussian_map = store.read(versions[-1].number)
     # Two updates that added the same landmarks share one file.
     digests = dict.fromkeys(digest for _, digest in _digests(folder, versions))
-    parts = [read_landmark_file(folder, digest).of_gaussians(ids) for digest in digests]
+    parts = [read_landmark_file(folder, digest).of_gaussians(gaussian_map) for digest in digests]
     return limit_size(concatenate(parts), VERSION_BYTES)
 
 

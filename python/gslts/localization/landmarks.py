@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.constants import SAME_LANDMARK_BITS, SAME_LANDMARK_M
 from gslts.types import Bools, Bytes, Floats, Floats32, Ints32
 
@@ -100,13 +101,13 @@ class Landmarks:
             self.gaussians[rows],
         )
 
-    def of_gaussians(self, ids: NDArray[np.uint64]) -> Landmarks:
+    def of_gaussians(self, gaussian_map: GaussianMap) -> Landmarks:
         """Return the landmarks whose Gaussian is in a version of the map.
 
         Args:
-            ids: [N] ids of the Gaussians of the version.
+            gaussian_map: The version, with rising ids.
         """
-        return self.select(np.isin(self.gaussians, ids))
+        return self.select(gaussian_map.has_ids(self.gaussians))
 
 
 def concatenate(parts: Iterable[Landmarks]) -> Landmarks:

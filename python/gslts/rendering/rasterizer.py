@@ -180,15 +180,16 @@ class Rasterizer:
                 mask touches.
 
         Raises:
-            ValueError: The map has another dtype, the mask another shape or dtype, or an option is
-                out of range.
+            OSError: Gaussians in view cannot be read.
+            ValueError: The map has another dtype, the mask another shape or dtype, an option is out
+                of range, or Gaussians in view are damaged on the disk.
         """
         if gaussian_map.dtype != self.dtype:
             raise ValueError(
                 f"Rasterizer.forward: gaussian_map is {gaussian_map.dtype}, "
                 f"this rasterizer {self.dtype}"
             )
-        view: Any = gaussian_map.view()
+        view: Any = gaussian_map.view(whole=False)
         images = self._core.forward(
             view,
             camera=camera,
@@ -289,7 +290,7 @@ def rows_in_view(
     Raises:
         ValueError: An option is out of range.
     """
-    view: Any = gaussian_map.view()
+    view: Any = gaussian_map.view(whole=False)
     options = RenderOptions() if options is None else options
     chunks = [chunks_in_view(view, camera, options) for camera in cameras]
     return gaussian_map.rows_of_chunks(np.unique(np.concatenate([np.zeros(0, np.uint32), *chunks])))

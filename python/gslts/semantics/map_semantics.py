@@ -168,7 +168,7 @@ class MapSemantics:
     @staticmethod
     def _mean_scores(gaussian_map: GaussianMap, rows: Indices) -> Floats32:
         """Return [K] the mean scores of the classes of a detector; 0 without Gaussians."""
-        sums = gaussian_map.features[rows, 1:].sum(axis=0)
+        sums = gaussian_map.select(rows).features[:, 1:].sum(axis=0)
         return np.asarray(sums / max(1, len(rows)), np.float32)
 
 
@@ -176,7 +176,8 @@ def _surroundings(gaussian_map: GaussianMap, rows: Indices) -> Indices:
     """Return the rows of the Gaussians around some, up to the size of their box away."""
     if len(rows) == 0:
         return rows
-    low, high = gaussian_map.means[rows].min(axis=0), gaussian_map.means[rows].max(axis=0)
+    means = gaussian_map.select(rows).means
+    low, high = means.min(axis=0), means.max(axis=0)
     size, origin = high - low, gaussian_map.origin
     near = gaussian_map.rows_in_box(low - size + origin, high + size + origin)
     return np.setdiff1d(near, rows)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from gslts.core.gaussian_map import GaussianMap
+from gslts._core.map import CHUNK_SIZE
+from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
@@ -20,9 +22,10 @@ from gslts.types import Floats, Floats32, Indices
 
 MAX_CHARACTERS = 300
 """Maximum length of a query; CLIP reads 77 tokens."""
-SAMPLE_SIZE = 20_000
-"""Number of Gaussians scored first, evenly sampled as in GS-LTS. All Gaussians near a match are
-scored then, so that the number bounds only how small a found object may be."""
+SAMPLE_SIZE = 25_000
+"""Number of Gaussians of which those are scored first that are not transparent and have features,
+evenly sampled as in GS-LTS: about 20,000. All Gaussians near a match are scored then, so that the
+number bounds only how small a found object may be."""
 NEIGHBOURHOOD_M = 0.25
 """Edge of the cells around matches of the sample in which all Gaussians are scored."""
 MIN_OPACITY = 0.3
@@ -51,8 +54,10 @@ MAX_VERTICAL_GAP_M = 0.3
 lamp."""
 MIN_FOOTPRINT_OVERLAP = 0.7
 """Minimum overlap of the footprints of two such pieces, as a share of the smaller one's."""
-TRIM_PERCENT = 0.5
-"""Percentage of the Gaussians of an object trimmed as outliers at each side of its box."""
+TRIM = (0.5, 99.5)
+"""Percentiles of the Gaussians of an object between which its box is; others are outliers."""
+NEIGHBOURS = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
+"""Steps of the key of a cell to it and its 26 neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,16 +113,15 @@ class SemanticQueries:
     def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
         self.gaussian_map, self._source = gaussian_map, source
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
-        opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
-        has_features = gaussian_map.features.any(axis=1)
-        self._rows = np.flatnonzero(has_features & (opacities >= MIN_OPACITY))
+        points = [np.zeros((0, 3))]
+        features: list[FloatArray] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
+        step = max(1, gaussian_map.size // SAMPLE_SIZE)
+        for _, part in gaussian_map.parts():
+            sample = _scored(part, np.arange(part.size))[::step]
+            points.append(part.means[sample].astype(np.float64))
+            features.append(part.features[sample])
         # Relative to the origin of the map, to which cells are aligned.
-        self._points = gaussian_map.means[self._rows].astype(np.float64)
-        keys = cell_keys(self._points, NEIGHBOURHOOD_M)
-        # Cell by cell, so that a query reads only the cells around matches.
-        self._by_cell = np.argsort(keys, kind="stable")
-        self._cells, starts = np.unique(keys[self._by_cell], return_index=True)
-        self._cell_ends = np.append(starts, len(keys))
+        self._points, self._features = np.concatenate(points), np.concatenate(features)
 
     @classmethod
     def of_map(
@@ -154,8 +158,10 @@ class SemanticQueries:
         Raises:
             ValueError: The text is empty.
         """
-        result = np.zeros(self.gaussian_map.size, np.float32)
-        result[self._rows] = self._scorer.scores(self._encode(text), self._rows)[0]
+        result, query = np.zeros(self.gaussian_map.size, np.float32), self._encode(text)
+        for rows, part in self.gaussian_map.parts():
+            scored = _scored(part, np.arange(part.size))
+            result[rows.start + scored] = self._scorer.scores(query, part.features[scored])[0]
         return result
 
     def explain(self, text: str) -> str:
@@ -185,61 +191,80 @@ class SemanticQueries:
             ValueError: The text is empty.
         """
         query, threshold = self._encode(text), self._source.threshold
-        if len(self._rows) == 0:
+        is_match = self._scorer.scores(query, self._features)[0] >= threshold
+        if not is_match.any():
             return []
-        sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE_SIZE))
-        matches = sample[self._scorer.scores(query, self._rows[sample])[0] >= threshold]
-        if len(matches) == 0:
-            return []
-        near = self._neighbourhood(matches)
-        scores = self._scorer.scores(query, self._rows[near])[0]
-        is_match = scores >= threshold
-        return self._instances(near[is_match], scores[is_match])
+        rows, points, features = self._neighbourhood(self._points[is_match])
+        scores = self._scorer.scores(query, features)[0]
+        matching = scores >= threshold
+        return self._instances(rows[matching], points[matching], scores[matching])
 
     def _encode(self, text: str) -> Floats32:
         return self._source.encode([checked_text(text)])
 
-    def _neighbourhood(self, indices: Indices) -> Indices:
-        """Return all scored Gaussians in the cells of some and in the 26 neighbours of these."""
-        own = np.unique(cell_keys(self._points[indices], NEIGHBOURHOOD_M))
-        neighbours = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
-        near = np.flatnonzero(np.isin(self._cells, own[:, None] + neighbours))
-        parts = [self._by_cell[self._cell_ends[k] : self._cell_ends[k + 1]] for k in near]
-        return np.sort(np.concatenate(parts))
+    def _neighbourhood(self, points: Floats) -> tuple[Indices, Floats, FloatArray]:
+        """Return rows, points and features of all scored Gaussians around some points.
 
-    def _instances(self, indices: Indices, scores: Floats32) -> list[Instance]:
+        Those in the cells of the points, and in the 26 neighbours of these.
+        """
+        cells = np.unique(np.floor(points / NEIGHBOURHOOD_M), axis=0)
+        keys = np.unique(cell_keys(points, NEIGHBOURHOOD_M))
+        keys = np.unique(keys[:, None] + NEIGHBOURS)
+        rows: list[Indices] = []
+        near: list[Floats] = []
+        features: list[FloatArray] = []
+        for chunk in self._chunks_near(cells):
+            first = chunk * CHUNK_SIZE
+            end = min(first + CHUNK_SIZE, self.gaussian_map.size)
+            part = self.gaussian_map.part(slice(first, end))
+            cells_of = cell_keys(part.means.astype(np.float64), NEIGHBOURHOOD_M)
+            own = _scored(part, np.flatnonzero(np.isin(cells_of, keys)))
+            rows.append(first + own)
+            near.append(part.means[own].astype(np.float64))
+            features.append(part.features[own])
+        return np.concatenate(rows), np.concatenate(near), np.concatenate(features)
+
+    def _chunks_near(self, cells: Floats) -> Indices:
+        """Return the chunks of the map with Gaussians in cells [K,3] or beside them."""
+        bounds = self.gaussian_map.bounds
+        if bounds is None:
+            return np.arange(-(-self.gaussian_map.size // CHUNK_SIZE))
+        low, high = (cells - 1) * NEIGHBOURHOOD_M, (cells + 2) * NEIGHBOURHOOD_M
+        near = [((low <= box[1]) & (high >= box[0])).all(axis=1).any() for box in bounds.boxes()]
+        return np.flatnonzero(near)
+
+    def _instances(self, rows: Indices, points: Floats, scores: Floats32) -> list[Instance]:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
-        points = self._points[indices]
         labels = _cluster(points)
         kept = scores >= MIN_SHARE_OF_PEAK * _peaks(scores, labels)
         if not kept.all():
-            indices, scores, points = indices[kept], scores[kept], points[kept]
+            rows, scores, points = rows[kept], scores[kept], points[kept]
             labels = _cluster(points)
         counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
         large = np.flatnonzero(counts >= MIN_GAUSSIANS)
         pieces = [np.flatnonzero(labels == label) for label in large]
-        groups = _join_pieces([points[piece] for piece in pieces], self._others(points, indices))
+
+        def count_between(low: Floats, high: Floats) -> int:
+            """Count the scored Gaussians in a box that do not match."""
+            origin = self.gaussian_map.origin
+            near = self.gaussian_map.rows_in_box(low + origin, high + origin)
+            others = self.gaussian_map.select(np.setdiff1d(near, rows, assume_unique=True))
+            scored = _scored(others, np.arange(others.size))
+            means = others.means[scored].astype(np.float64)
+            return int(((means > low) & (means < high)).all(axis=1).sum())
+
+        groups = _join_pieces([points[piece] for piece in pieces], count_between)
         members = [np.concatenate([pieces[piece] for piece in group]) for group in groups]
         largest = max(map(len, members), default=0)
         instances = [
-            self._instance(points[own], scores[own], self._rows[indices[own]])
+            self._instance(points[own], scores[own], rows[own])
             for own in members
             if len(own) >= MIN_SHARE_OF_LARGEST * largest
         ]
         return sorted(instances, key=lambda instance: -instance.score * np.sqrt(len(instance.rows)))
 
-    def _others(self, points: Floats, indices: Indices) -> Floats:
-        """Return [P,3] scored Gaussians in the box of some, m, without these."""
-        low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
-        origin = self.gaussian_map.origin
-        rows = self.gaussian_map.rows_in_box(low + origin, high + origin)
-        scored = np.searchsorted(self._rows, rows)
-        scored = scored[(np.append(self._rows, -1)[scored] == rows)]
-        others: Floats = self._points[np.setdiff1d(scored, indices, assume_unique=True)]
-        return others
-
     def _instance(self, points: Floats, scores: Floats32, rows: Indices) -> Instance:
-        low, high = np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0)
+        low, high = np.percentile(points, TRIM, axis=0)
         corners = cv2.boxPoints(cv2.minAreaRect(points[:, :2].astype(np.float32)))
         origin = self.gaussian_map.origin
         return Instance(
@@ -304,30 +329,43 @@ def _downsample(points: Floats, edge_m: float) -> tuple[Floats, Indices, Indices
     return np.stack(sums, axis=1) / counts[:, None], cell_of, counts
 
 
-def _join_pieces(pieces: list[Floats], others: Floats) -> list[list[int]]:
+def _join_pieces(
+    pieces: list[Floats], count_between: Callable[[Floats, Floats], int]
+) -> list[list[int]]:
     """Group pieces of one object: one above the other, with nothing between them.
 
     Args:
         pieces: Points [K,3] of each piece, m.
-        others: [P,3] points that do not match the query, m.
+        count_between: Counts points in the box between two corners (3,) that do not match the
+            query.
 
     Returns:
         The numbers of the pieces of each object.
     """
-    boxes = [np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0) for points in pieces]
+    boxes = np.array([np.percentile(piece, TRIM, axis=0) for piece in pieces]).reshape(-1, 2, 3)
+    low = np.maximum(boxes[:, None, 0], boxes[:, 0])
+    high = np.minimum(boxes[:, None, 1], boxes[:, 1])
+    areas, overlaps = (
+        np.prod(np.maximum(0, sizes[..., :2]), axis=-1)
+        for sizes in (boxes[:, 1] - boxes[:, 0], high - low)
+    )
+    is_above = low[..., 2] - high[..., 2] < MAX_VERTICAL_GAP_M
+    is_above &= overlaps > MIN_FOOTPRINT_OVERLAP * np.minimum(areas[:, None], areas)
     pairs = []
-    for a, b in combinations(range(len(pieces)), 2):
-        if boxes[a][0, 2] > boxes[b][0, 2]:
-            a, b = b, a
-        low, high = np.maximum(boxes[a][0], boxes[b][0]), np.minimum(boxes[a][1], boxes[b][1])
-        smaller = min(np.prod((box[1] - box[0])[:2]) for box in (boxes[a], boxes[b]))
-        # Heights from the top of a to the bottom of b; swapped where they overlap.
-        low[2], high[2] = high[2], low[2]
-        is_near = high[2] - low[2] < MAX_VERTICAL_GAP_M
-        overlap = np.prod(np.maximum(0, (high - low)[:2]))
-        if is_near and overlap > MIN_FOOTPRINT_OVERLAP * smaller:
-            between = ((others > low) & (others < high)).all(axis=1).sum()
-            if between < MIN_GAUSSIANS:
-                pairs.append((a, b))
+    for a, b in np.argwhere(np.triu(is_above, 1)):
+        # Heights from the top of one to the bottom of the other; swapped where they overlap.
+        bottom, top = (
+            np.append(low[a, b, :2], high[a, b, 2]),
+            np.append(high[a, b, :2], low[a, b, 2]),
+        )
+        if count_between(bottom, top) < MIN_GAUSSIANS:
+            pairs.append((a, b))
     roots = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
     return [[int(piece) for piece in np.flatnonzero(roots == root)] for root in np.unique(roots)]
+
+
+def _scored(part: GaussianMap, rows: Indices) -> Indices:
+    """Return those rows whose Gaussians are neither transparent nor without features."""
+    opacities = 1 / (1 + np.exp(-part.logit_opacities[rows]))
+    rows = rows[opacities >= MIN_OPACITY]
+    return rows[part.features[rows].any(axis=1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,9 +46,10 @@ def draw_query(
         [H,W,3] uint8, sRGB.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    is_best = np.zeros((gaussian_map.size, 1), np.float32)
-    is_best[instances[0].rows] = 1
-    marked = gaussian_map.with_features(is_best)
+    best_ids = gaussian_map.select(instances[0].rows).ids
+    marked = gaussian_map.with_features(
+        lambda ids: np.isin(ids, best_ids)[:, None].astype(np.float32)
+    )
 
     def visibility(camera: Camera) -> float:
         """Share of the image that shows the object, less what touches the image border."""
@@ -60,7 +62,7 @@ def draw_query(
     matches = relevance[np.concatenate([instance.rows for instance in instances])]
     low, high = LOWEST_SHARE * matches.min(), matches.max()
     heat = (relevance[:, None] - low) / (high - low)
-    heat_map = gaussian_map.with_features(heat.clip(0, 1).astype(np.float32))
+    heat_map = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
     images = rasterizer.forward(heat_map, camera, options)
     image = heat_image(to_rgb8(images.rgb), images.features[..., 0])
     for instance in instances:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts.core.gaussian_map import GaussianMap
+from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.semantics.source import CANONICAL, Codec, SemanticSource
-from gslts.types import Floats32, Indices
+from gslts.types import Floats32
 
 MAX_GAUSSIANS_PER_CHUNK = 1 << 14
 """Number of Gaussians scored at a time. Bounds memory: the hidden layer of the decoder for a whole
@@ -37,23 +37,23 @@ class RelevanceScorer:
                 f"RelevanceScorer: the map has semantics of {codec.dims}-D embeddings, the "
                 f"source gives {source.dims}-D embeddings"
             )
-        self._features, self._codec = gaussian_map.features, codec
+        self._codec = codec
         self._canonical, self._relevance = source.encode(CANONICAL), source.relevance
 
-    def scores(self, queries: Floats32, rows: Indices) -> Floats32:
+    def scores(self, queries: Floats32, features: FloatArray) -> Floats32:
         """Compute the relevance of Gaussians, at the level where each is most relevant.
 
         Args:
             queries: [Q,D] float32, embeddings of unit length.
-            rows: [K] rows of Gaussians in the map.
+            features: [K,L*d] of Gaussians of the map.
 
         Returns:
             [Q,K] float32, 0 to 1; 0 for Gaussians without a feature at any level.
         """
-        result = np.zeros((len(queries), len(rows)), np.float32)
+        result = np.zeros((len(queries), len(features)), np.float32)
         vectors = np.concatenate([queries, self._canonical])
-        for first in range(0, len(rows), MAX_GAUSSIANS_PER_CHUNK):
-            part = self._features[rows[first : first + MAX_GAUSSIANS_PER_CHUNK]]
+        for first in range(0, len(features), MAX_GAUSSIANS_PER_CHUNK):
+            part = features[first : first + MAX_GAUSSIANS_PER_CHUNK]
             codes = part.astype(np.float32, copy=False).reshape(-1, self._codec.code_dims)
             # Without a mask in any view, the code is 0, which decodes to an arbitrary embedding.
             known = codes.any(axis=1)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,15 +46,29 @@ class Blobs:
         Raises:
             OSError: The file cannot be written; then there is no new file.
         """
-        content = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
-        key = hashlib.sha256(content).hexdigest()
-        path = self.path(key)
-        if not (path.exists() and path.read_bytes() == content):
+        return self.write_parts(
+            [save({name: np.ascontiguousarray(array) for name, array in arrays.items()})]
+        )
+
+    def write_parts(self, parts: Sequence[bytes | memoryview]) -> Blob:
+        """Write a file of arrays, durably; see `write`.
+
+        Args:
+            parts: Its content, a safetensors file.
+        """
+        digest, size = hashlib.sha256(), sum(len(part) for part in parts)
+        for part in parts:
+            digest.update(part)
+        blob = Blob(key=digest.hexdigest(), size=size)
+        path = self.path(blob.key)
+        try:
+            self.verify(blob)
+        except (OSError, ValueError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(path, content)
+            write_atomic(path, *parts)
         for folder in (path.parent, self._folder, self._folder.parent):
             sync_folder(folder)
-        return Blob(key=key, size=len(content))
+        return blob
 
     def read(self, blob: Blob) -> dict[str, NDArray[Any]]:
         """Read the arrays of a file.
@@ -67,7 +83,11 @@ class Blobs:
             OSError: The file cannot be read.
             ValueError: The file is damaged.
         """
-        arrays: dict[str, NDArray[Any]] = load(self._read_checked(blob))
+        path = self.path(blob.key)
+        with missing_file(path), path.open("rb") as file:
+            content = file.read(blob.size + 1)  # More is not needed to see that it differs.
+        self._require(len(content) == blob.size, hashlib.sha256(content).hexdigest(), blob)
+        arrays: dict[str, NDArray[Any]] = load(content)
         return arrays
 
     def verify(self, blob: Blob) -> None:
@@ -80,7 +100,10 @@ class Blobs:
             OSError: The file cannot be read.
             ValueError: The file is damaged.
         """
-        self._read_checked(blob)
+        path = self.path(blob.key)
+        with missing_file(path), path.open("rb") as file:
+            same = os.fstat(file.fileno()).st_size == blob.size
+            self._require(same, hashlib.file_digest(file, "sha256").hexdigest(), blob)
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the keys of all files in the folder."""
@@ -117,13 +140,21 @@ class Blobs:
         """
         return self._folder / key[:2] / f"{key}{SUFFIX}"
 
-    def _read_checked(self, blob: Blob) -> bytes:
-        path = self.path(blob.key)
-        try:
-            with name_in_errors(path), path.open("rb") as file:
-                content = file.read(blob.size + 1)  # More is not needed to see that it differs.
-        except FileNotFoundError:
-            raise FileNotFoundError(f"{path}: missing; {REPAIR}") from None
-        if len(content) != blob.size or hashlib.sha256(content).hexdigest() != blob.key:
+    def _require(self, has_size: bool, digest: str, blob: Blob) -> None:
+        if not has_size or digest != blob.key:
+            path = self.path(blob.key)
             raise ValueError(f"{path}: damaged: its checksum does not match its name; {REPAIR}")
-        return content
+
+
+@contextmanager
+def missing_file(path: Path) -> Iterator[None]:
+    """Name the next step in the error of a missing file, and the path in others.
+
+    Args:
+        path: Of a file that is opened in the `with` block.
+    """
+    try:
+        with name_in_errors(path):
+            yield
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path}: missing; {REPAIR}") from None

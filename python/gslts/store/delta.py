@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.core.edited_map import edit_map
 from gslts.core.gaussian_map import GaussianMap
 from gslts.store.blobs import Arrays
 from gslts.types import Bools
@@ -81,7 +83,7 @@ def compare_by_ids(before: GaussianMap, after: GaussianMap) -> Delta:
     old_rows, new_rows = np.flatnonzero(kept), np.flatnonzero(in_before)
     differs = np.zeros(len(old_rows), np.bool_)
     for name in ARRAYS:
-        # As bits, so that -0 differs from 0.
+        # As bits, so that -0 differs from 0; in words, which is faster than in bytes.
         old, new = _bits(getattr(before, name)[old_rows]), _bits(getattr(after, name)[new_rows])
         differs |= old.shape != new.shape or (old != new).any(axis=1)
     return Delta(
@@ -95,7 +97,8 @@ def apply_deltas(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
     """Apply changes one after another.
 
     Args:
-        base: With rising ids.
+        base: With rising ids. Of a map that reads its chunks when they are asked for, those are
+            read that hold a Gaussian of the changes.
         deltas: Oldest first.
 
     Returns:
@@ -107,11 +110,25 @@ def apply_deltas(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
     steps = list(deltas)
     if not steps:
         return base
+    touched = np.unique(
+        np.concatenate([ids for step in steps for ids in (step.removed, step.changed.ids)])
+    )
+    rows = base.rows_of_ids(touched[touched < base.next_id])
+    part = _apply(base.select(rows), steps, base.next_id)
+    own = part.ids < base.next_id
+    stays = np.isin(touched[: len(rows)], part.ids[own], assume_unique=True)
+    changed, added = part.select(np.flatnonzero(own)), part.select(np.flatnonzero(~own))
+    return edit_map(base, rows[stays], changed, rows[~stays], added)
+
+
+def _apply(base: GaussianMap, steps: Sequence[Delta], next_id: int) -> GaussianMap:
+    """Apply changes to a part of a map that holds all Gaussians that they name."""
     parts = [base, *(step.added for step in steps)]
-    ids = np.concatenate([part.ids for part in parts])
-    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
-    if (ids[1:] <= ids[:-1]).any():
+    new_ids = np.concatenate([step.added.ids for step in steps])
+    if (new_ids[1:] <= new_ids[:-1]).any() or (new_ids[:1] < next_id).any():
         raise ValueError("apply_deltas: ids of added Gaussians must exceed those before")
+    ids = np.concatenate([base.ids, new_ids])
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     alive = np.zeros(len(ids), np.bool_)
     alive[: base.size] = True
     end = base.size
@@ -233,7 +250,6 @@ def _rows_of(ids: Ids, alive: Bools, wanted: Ids) -> NDArray[np.intp]:
     return rows
 
 
-def _bits(array: NDArray[Any]) -> NDArray[np.uint8]:
-    width = int(np.prod(array.shape[1:]))
-    rows = np.ascontiguousarray(array).reshape(len(array), width)
-    return rows.view(np.uint8).reshape(len(array), width * array.itemsize)
+def _bits(array: NDArray[Any]) -> NDArray[np.uint32]:
+    words = prod(array.shape[1:]) * array.itemsize // 4
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint32).reshape(len(array), words)

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gslts.store.causes import first_problem, rejected_cause_from_json, version_cause_from_json
 from gslts.store.index_file import IndexFile
-from gslts.store.records import Blob, Event, ObjectEvent, Rejection, Version
+from gslts.store.records import Blob, Event, ObjectEvent, Rejection, Snapshot, Version
 
 Parsed = TypeVar("Parsed")
 
@@ -66,7 +66,7 @@ class Index(IndexFile):
             ) SELECT number FROM lineage ORDER BY number DESC"""
         return self._read(query, lambda row: int(row["number"]), (number,))
 
-    def snapshots(self) -> dict[int, Blob]:
+    def snapshots(self) -> dict[int, Snapshot]:
         """Return the files of versions that were stored as a whole, by number."""
         rows = self._read("SELECT * FROM snapshots", _snapshot)
         return dict(rows)
@@ -80,7 +80,7 @@ class Index(IndexFile):
         return self._read("SELECT * FROM events ORDER BY version, rowid", _event)
 
     def add(
-        self, version: Version, snapshot: Blob | None = None, events: Sequence[ObjectEvent] = ()
+        self, version: Version, snapshot: Snapshot | None = None, events: Sequence[ObjectEvent] = ()
     ) -> None:
         """Add a version in one transaction.
 
@@ -115,7 +115,7 @@ class Index(IndexFile):
                 [(number, *_event_columns(event)) for event in events],
             )
 
-    def add_snapshot(self, number: int, snapshot: Blob) -> None:
+    def add_snapshot(self, number: int, snapshot: Snapshot) -> None:
         """Add the snapshot of an existing version.
 
         Args:
@@ -239,11 +239,13 @@ def _added_column(row: sqlite3.Row, name: str) -> str | None:
     return row[name] if name in row.keys() else None  # noqa: SIM118  # A row is not a mapping.
 
 
-def _snapshot(row: sqlite3.Row) -> tuple[int, Blob]:
-    return row["version"], Blob(key=row["key"], size=row["bytes"])
+def _snapshot(row: sqlite3.Row) -> tuple[int, Snapshot]:
+    head = _added_column(row, "head")
+    return row["version"], Snapshot(key=row["key"], size=row["bytes"], head=head)
 
 
-def _insert_snapshot(connection: sqlite3.Connection, number: int, snapshot: Blob) -> None:
+def _insert_snapshot(connection: sqlite3.Connection, number: int, snapshot: Snapshot) -> None:
     connection.execute(
-        "INSERT INTO snapshots VALUES (?, ?, ?)", (number, snapshot.key, snapshot.size)
+        "INSERT INTO snapshots VALUES (?, ?, ?, ?)",
+        (number, snapshot.key, snapshot.size, snapshot.head),
     )

@@ -10,11 +10,16 @@ from typing import Any
 
 from gslts.io.atomic_files import name_in_errors
 
-SCHEMA, OLDEST_SCHEMA = 5, 2
+SCHEMA, OLDEST_SCHEMA = 6, 2
 """Version of the tables, and the oldest one that is read. Raise the first with every change of
 `TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts;
 columns were added as `ADDED_COLUMNS` tells."""
-ADDED_COLUMNS = ((4, "events", "motion"), (5, "versions", "robot"), (5, "rejections", "robot"))
+ADDED_COLUMNS = (
+    (4, "events", "motion"),
+    (5, "versions", "robot"),
+    (5, "rejections", "robot"),
+    (6, "snapshots", "head"),
+)
 """First schema, table and name of each column that older files lack; all are texts or NULL."""
 APPLICATION_ID = 0x67736C74
 """`gslt` in ASCII; SQLite keeps it in the header of the file."""
@@ -49,7 +54,8 @@ CREATE TABLE versions (
 CREATE TABLE snapshots (
     version INTEGER PRIMARY KEY REFERENCES versions (number),
     key TEXT NOT NULL,
-    bytes INTEGER NOT NULL
+    bytes INTEGER NOT NULL,
+    head TEXT
 ) STRICT;
 CREATE TABLE rejections (
     version INTEGER NOT NULL REFERENCES versions (number),

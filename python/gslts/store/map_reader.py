@@ -6,12 +6,13 @@ import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from gslts.core.gaussian_map import GaussianMap
+from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
 from gslts.store.blobs import Blobs
 from gslts.store.causes import SemanticsCause
 from gslts.store.delta import apply_deltas, delta_from_arrays, map_from_arrays
 from gslts.store.history import History
-from gslts.store.records import Blob
+from gslts.store.records import Blob, Snapshot
+from gslts.store.snapshot import PREFIX, open_snapshot
 from gslts.store.verification import find_problems
 
 BLOBS = "blobs"
@@ -42,7 +43,8 @@ class MapReader(History):
             number: Counted from 1; None means the newest.
 
         Returns:
-            The map.
+            The map. The Gaussians of a large one are read when they are asked for, also after the
+            store was closed or compacted.
 
         Raises:
             OSError: A file is missing or cannot be read.
@@ -82,7 +84,7 @@ class MapReader(History):
             except ValueError as error:
                 raise damage or error from None
             try:
-                base = self._blobs.read(snapshots.pop(start))
+                base = self._open_snapshot(start, snapshots.pop(start), version.number)
                 break
             except (OSError, ValueError) as error:
                 damage = error  # An older snapshot and more deltas lead to the same version.
@@ -90,11 +92,24 @@ class MapReader(History):
             _logger.warning("%s. Version %d is read without it", damage, version.number)
         steps = [self._blobs.read(delta) for delta in deltas]
         try:
-            return apply_deltas(map_from_arrays(base), map(delta_from_arrays, steps))
+            return apply_deltas(base, map(delta_from_arrays, steps))
         except ValueError as error:
             raise ValueError(f"{self._folder}: version {version.number}: {error}") from error
 
-    def _reconstruction(self, number: int, snapshots: Mapping[int, Blob]) -> tuple[int, list[Blob]]:
+    def _open_snapshot(self, start: int, snapshot: Snapshot, number: int) -> GaussianMap:
+        """Return the map of a snapshot of version `start`, for reading version `number`."""
+        if snapshot.head is not None and self.version(start).gaussians >= MIN_BOUNDED:
+            path = self._blobs.path(snapshot.key)
+            label = f"{self._folder}: version {number}: {path.name}"
+            return open_snapshot(path, snapshot, label)
+        arrays = self._blobs.read(snapshot)
+        return map_from_arrays(
+            {name: array for name, array in arrays.items() if not name.startswith(PREFIX)}
+        )
+
+    def _reconstruction(
+        self, number: int, snapshots: Mapping[int, Snapshot]
+    ) -> tuple[int, list[Blob]]:
         """Return the version with a snapshot to start from, and the deltas to apply to it."""
         deltas: list[Blob] = []
         for ancestor in self._index.lineage(number):

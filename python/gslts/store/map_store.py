@@ -37,6 +37,7 @@ from gslts.store.index import Index
 from gslts.store.map_reader import BLOBS, MapReader
 from gslts.store.records import ObjectEvent, Rejection, Version
 from gslts.store.robot_name import robot_name
+from gslts.store.snapshot import write_snapshot
 from gslts.store.writer_lock import lock_for_writing
 
 _logger = logging.getLogger(__name__)
@@ -87,14 +88,14 @@ class MapStore(MapReader):
         require_rising_ids(gaussian_map, "gaussian_map")
         lock = lock_for_writing(folder)
         try:
-            snapshot = Blobs(folder / BLOBS).write(map_to_arrays(gaussian_map))
+            snapshot = write_snapshot(Blobs(folder / BLOBS), gaussian_map)
             version = Version(
                 number=1,
                 parent=None,
                 gslts=metadata.version("gslts"),
                 time_s=time.time(),
                 gaussians=gaussian_map.size,
-                next_id=_next_id(gaussian_map, 0),
+                next_id=gaussian_map.next_id,
                 delta=None,
                 touched=gaussian_map.size,
                 cause=cause,
@@ -158,7 +159,7 @@ class MapStore(MapReader):
             newest,
             parent=newest.number,
             gaussians=newest.gaussians - len(delta.removed) + delta.added.size,
-            next_id=_next_id(delta.added, newest.next_id),
+            next_id=max(newest.next_id, delta.added.next_id),
             delta=self._blobs.write(delta_to_arrays(delta)),
             touched=delta.touched,
             cause=cause,
@@ -168,7 +169,7 @@ class MapStore(MapReader):
         if self._needs_snapshot(version):
             if isinstance(change, Delta):
                 change = apply_deltas(self.read(newest.number), [delta])
-            snapshot = self._blobs.write(map_to_arrays(change))
+            snapshot = write_snapshot(self._blobs, change)
         self._index.add(version, snapshot, events)
         return version
 
@@ -201,7 +202,7 @@ class MapStore(MapReader):
             touched=gaussian_map.size,
             cause=cause,
         )
-        self._index.add(version, self._blobs.write(map_to_arrays(gaussian_map)))
+        self._index.add(version, write_snapshot(self._blobs, gaussian_map))
         return version
 
     def restore(self, number: int) -> Version:
@@ -218,7 +219,7 @@ class MapStore(MapReader):
             ValueError: There is no such version, or a file of it is damaged.
         """
         old, newest = self.version(number), self._index.newest()
-        self.read(number)  # A version that cannot be read is not restored.
+        self.read(number).view()  # A version that cannot be read is not restored.
         version = self._after(
             newest,
             parent=old.number,
@@ -292,7 +293,7 @@ class MapStore(MapReader):
         for version in kept:
             orphaned = version.parent is None or version.parent < first
             if orphaned and version.number not in snapshots:
-                snapshot = self._blobs.write(map_to_arrays(self.read(version.number)))
+                snapshot = write_snapshot(self._blobs, self.read(version.number))
                 self._index.add_snapshot(version.number, snapshot)
         self._index.forget_before(first)
         return self.collect_garbage()
@@ -330,8 +331,3 @@ class MapStore(MapReader):
         if self._lock is not None:
             self._lock.close()
             self._lock = None
-
-
-def _next_id(gaussian_map: GaussianMap, at_least: int) -> int:
-    """Return a number greater than all ids of a map."""
-    return max(at_least, int(gaussian_map.ids[-1]) + 1) if gaussian_map.size else at_least

@@ -41,6 +41,17 @@ class Blob(Record):
     size: Count
 
 
+class Snapshot(Blob):
+    """A file of all Gaussians of a version.
+
+    Attributes:
+        head: SHA-256 of its head, with which parts of it are read; None for files of an older
+            gslts, which are read as a whole.
+    """
+
+    head: Sha256 | None = None
+
+
 class Version(Record):
     """A version of a map.
 

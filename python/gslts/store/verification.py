@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 from gslts.store.blobs import Blobs
 from gslts.store.index import Index
-from gslts.store.records import Blob, Version
+from gslts.store.records import Snapshot, Version
+from gslts.store.snapshot import require_intact
 
 
 def find_problems(
     index: Index,
     blobs: Blobs,
     versions: Sequence[Version],
-    snapshots: Mapping[int, Blob],
+    snapshots: Mapping[int, Snapshot],
     progress: Callable[[], None],
 ) -> list[str]:
     """Check the index, and every file of some versions against its checksum.
@@ -26,7 +27,8 @@ def find_problems(
         progress: Called after each version.
 
     Returns:
-        One line for each file that is missing or damaged; empty if all is well.
+        One line for each file that is missing or damaged, which names the block of a snapshot;
+        empty if all is well.
     """
     problems = []
     try:
@@ -37,7 +39,7 @@ def find_problems(
         for blob in (version.delta, snapshots.get(version.number)):
             try:
                 if blob is not None:
-                    blobs.verify(blob)
+                    require_intact(blobs, blob)
             except (OSError, ValueError) as error:
                 problems.append(f"version {version.number}: {error}")
         progress()

@@ -19,6 +19,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import join
 from gslts.mapping.seeding.depth_seeds import MIN_HITS, seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools
 from gslts.update.config import EditConfig
 from gslts.update.evidence import is_visible
@@ -103,7 +104,7 @@ def pre_edit(
     ]
     new = _with_appearance(new, kept, gone, drawn, config)
     if first_id is None:
-        first_id = int(gaussian_map.ids.max()) + 1  # Also after the removed ones.
+        first_id = gaussian_map.next_id  # Also after the removed ones.
     return Edit(join(kept, new, first_id), removed, new.size)
 
 
@@ -117,13 +118,14 @@ def _uncovered_pixels(
     """Return [H,W] of each view, the measured surfaces that the map does not show."""
     if not config.only_missing:
         return [view.changed for view in views]
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer, plain = Rasterizer(np.float32), kept.without_features()
     masks = []
     for view in views:
         near = view.changed.copy()
         for region in regions:
             near |= pixels_in_region(view.depth, view.camera, region, config.margin_m)
-        images = rasterizer.forward(kept, view.camera, options, mask=near)
+        options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
+        images = rasterizer.forward(plain, view.camera, options, mask=near)
         behind_m = images.depth - view.depth
         max_behind_m = MAX_BEHIND_M + MAX_BEHIND_SHARE * view.depth
         covered = (images.alpha >= MIN_ALPHA) & (behind_m < max_behind_m)

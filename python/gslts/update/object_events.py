@@ -42,8 +42,8 @@ def object_events(
         detection shows only its edges.
     """
     removed = np.zeros(before.size, np.bool_)
-    removed[np.searchsorted(before.ids, result.delta.removed)] = True
-    is_new = ~np.isin(result.part.ids, before.ids)
+    removed[before.rows_of_ids(result.delta.removed)] = True
+    is_new = ~before.has_ids(result.part.ids)
 
     def name_added(region: Region) -> str | None:
         if semantics is None:
@@ -72,7 +72,7 @@ def object_events(
             rows = np.flatnonzero(own)
             old = _box_of(before, rows) or old
             kept = np.flatnonzero(own & ~removed)
-            same = np.searchsorted(result.part.ids, before.ids[kept])
+            same = result.part.rows_of_ids(before.select(kept).ids)
             new = _box_of(result.part, same) or new
         elif change.boxes[0] is not None:
             old = _box_of(before, rows_of(Region("before", *change.boxes[0]))) or old
@@ -116,7 +116,7 @@ def _box_of(gaussian_map: GaussianMap, rows: Indices) -> Box | None:
     """Return the box around the centres of some Gaussians; None if they are too few."""
     if len(rows) < MIN_REMOVED:
         return None
-    centers = gaussian_map.means[rows] + gaussian_map.origin
+    centers = gaussian_map.centers(rows)
     return _box(*np.quantile(centers, (OUTLIER_SHARE, 1 - OUTLIER_SHARE), axis=0))
 
 

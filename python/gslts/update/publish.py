@@ -106,7 +106,7 @@ def _write_landmarks(
         threads=threads,
     )
     # The views also show landmarks of old Gaussians, which the map has already.
-    landmarks = landmarks.select(np.flatnonzero(landmarks.gaussians > before.ids[-1]))
+    landmarks = landmarks.select(np.flatnonzero(landmarks.gaussians >= before.next_id))
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
 

@@ -21,7 +21,7 @@ from gslts.update.targets import Target
 OnStep = Callable[[int, Callable[[], GaussianMap]], None]
 """Called with the number of steps done, and a function that returns the map as it is then."""
 
-PARAMETERS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
+PARAMETERS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 """Arrays of the Gaussians that the refinement writes back."""
 SH_REST_DIVISOR = 20
 """Learning rate of the base colour over that of the higher harmonics, as in 3DGS (Kerbl et al.
@@ -100,13 +100,13 @@ class _Fit:
         self._rasterizer = Rasterizer(np.float32)
         self._rows = np.flatnonzero(_visible(gaussian_map, targets, threads) | active)
         self._active = active[self._rows]
-        self._adam = Adam(gaussian_map.select(self._rows))
+        self._adam = Adam(gaussian_map.select(self._rows).without_features())
 
     def step(self, target: Target, progress: float, background: list[float]) -> float:
         """Do one step at a progress from 0 to 1, and return the loss of the colours before it."""
         config, threads = self._config, self._threads
         # A random background: otherwise, missing Gaussians could pass for dark ones.
-        options = RenderOptions(threads=threads, background=background)
+        options = RenderOptions(far_m=target.range_m, threads=threads, background=background)
         images = self._rasterizer.forward(self._adam.map, target.camera, options, mask=target.mask)
         color = photometric_loss(
             images.rgb,
@@ -139,10 +139,11 @@ class _Fit:
 
 def _visible(gaussian_map: GaussianMap, targets: Iterable[Target], threads: int) -> Bools:
     """Return [N] Gaussians that contribute to the compared pixels."""
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer, plain = Rasterizer(np.float32), gaussian_map.without_features()
     visible = np.zeros(gaussian_map.size, np.bool_)
     for target in targets:
-        images = rasterizer.forward(gaussian_map, target.camera, options, mask=target.mask)
+        options = RenderOptions(far_m=target.range_m, threads=threads)
+        images = rasterizer.forward(plain, target.camera, options, mask=target.mask)
         visible[rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha)).rows] = True
     return visible
 

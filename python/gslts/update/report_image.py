@@ -36,14 +36,14 @@ def draw_update(
     Returns:
         [H,W,3] uint8 sRGB; one row per view.
     """
-    rasterizer = Rasterizer(np.float32)
+    rasterizer, maps = Rasterizer(np.float32), (before.without_features(), after.without_features())
     rows = []
     views = [view for view in views if view.frame.rgb.shape == views[0].frame.rgb.shape]
     for index in np.unique(np.linspace(0, len(views) - 1, MAX_ROWS).astype(int)):
         view = views[index]
         options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
         tiles = [view.frame.rgb.copy()]
-        for gaussian_map in (before, after):
+        for gaussian_map in maps:
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb
             tiles.append(to_rgb8(apply_exposure(rgb, view.exposure)))
         for tile, caption in zip(tiles, ("observed", "map before", "map after"), strict=True):

@@ -14,6 +14,7 @@ import numpy as np
 
 from gslts._core import edit as _core
 from gslts.core.camera import Camera
+from gslts.core.edited_map import edit_map
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform, transform
 from gslts.core.similarity import rotate_quats
@@ -62,12 +63,16 @@ def move_gaussians(gaussian_map: GaussianMap, rows: Bools, motion: Floats) -> Ga
     Returns:
         The map with the moved Gaussians in the same order.
     """
-    means, quats, sh = gaussian_map.means.copy(), gaussian_map.quats.copy(), gaussian_map.sh.copy()
-    origin = gaussian_map.origin
-    means[rows] = transform(motion, means[rows] + origin) - origin
-    quats[rows] = rotate_quats(quats[rows], motion[:3, :3])
-    sh[rows] = rotate_harmonics(sh[rows], motion[:3, :3])
-    return replace(gaussian_map, means=means, quats=quats, sh=sh)
+    part, origin = gaussian_map.select(rows), gaussian_map.origin
+    means = transform(motion, part.means + origin) - origin
+    moved = replace(
+        part,
+        means=means.astype(part.dtype),
+        quats=rotate_quats(part.quats, motion[:3, :3]).astype(part.dtype),
+        sh=rotate_harmonics(part.sh, motion[:3, :3]).astype(part.dtype),
+    )
+    none = np.zeros(0, np.intp)
+    return edit_map(gaussian_map, np.flatnonzero(rows), moved, none, part.select(none))
 
 
 def select_shifted(
@@ -93,7 +98,7 @@ def select_shifted(
     inside = gaussians_in_regions(gaussian_map, boxes, MARGIN_M)
     rows = np.flatnonzero(inside)
     shifted = np.zeros(gaussian_map.size, np.bool_)
-    points = gaussian_map.means[rows] + gaussian_map.origin
+    points = gaussian_map.centers(rows)
     votes = np.zeros(len(rows), np.int64)
     for view in views:
         votes += _vote(view, points, motion)
@@ -106,7 +111,8 @@ def select_shifted(
     decided = np.flatnonzero(votes != 0)
     if len(undecided) and len(decided):
         known = float_view(gaussian_map.select(rows[decided]))
-        nearest, _ = _core.nearest_gaussians(known, gaussian_map.means[rows[undecided]], NEIGHBORS)
+        others = gaussian_map.select(rows[undecided]).means
+        nearest, _ = _core.nearest_gaussians(known, others, NEIGHBORS)
         moved[undecided] = 2 * moved[decided][nearest].sum(axis=1) > nearest.shape[1]
     shifted[rows[moved]] = True
     return shifted
@@ -204,16 +210,16 @@ def _support_m(gaussian_map: GaussianMap, boxes: Sequence[Region], moving: Float
     low = np.min([box.low for box in boxes], axis=0)
     high = np.max([box.high for box in boxes], axis=0)
     around = Region("before", np.array([*low[:2], -np.inf]), np.array([*high[:2], lowest_m]))
-    centers = gaussian_map.means + gaussian_map.origin
-    rows = np.flatnonzero(
-        around.contains(centers, np.array([SUPPORT_MARGIN_M, SUPPORT_MARGIN_M, LAYER_M]))
-    )
-    scales = np.exp(gaussian_map.log_scales[rows].astype(np.float64))
+    margin = np.array([SUPPORT_MARGIN_M, SUPPORT_MARGIN_M, LAYER_M])
+    near = gaussian_map.rows_in_box(around.low - margin, around.high + margin)
+    rows = near[around.contains(gaussian_map.centers(near), margin)]
+    below = gaussian_map.select(rows)
+    scales = np.exp(below.log_scales.astype(np.float64))
     axis = scales.argmin(axis=1)
-    vertical = np.abs(axes_of(gaussian_map.quats[rows])[np.arange(len(rows)), axis, 2])
+    vertical = np.abs(axes_of(below.quats)[np.arange(len(rows)), axis, 2])
     areas_m2 = np.pi * np.prod(np.sort(scales, axis=1)[:, 1:], axis=1)
     horizontal = vertical >= MIN_VERTICAL
-    heights_m, areas_m2 = centers[rows[horizontal], 2], areas_m2[horizontal]
+    heights_m, areas_m2 = gaussian_map.centers(rows)[horizontal, 2], areas_m2[horizontal]
     layers = np.floor(heights_m / LAYER_M).astype(np.int64)
     footprint_m2 = float(np.prod((high - low)[:2]))
     for layer in np.unique(layers)[::-1]:

@@ -115,7 +115,7 @@ def gaussians_in_regions(
     inside = np.zeros(gaussian_map.size, np.bool_)
     for region in regions:
         rows = gaussian_map.rows_in_box(region.low - margin_m, region.high + margin_m)
-        inside[rows] |= region.contains(gaussian_map.means[rows] + gaussian_map.origin, margin_m)
+        inside[rows] |= region.contains(gaussian_map.centers(rows), margin_m)
     return inside
 
 

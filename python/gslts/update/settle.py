@@ -20,7 +20,7 @@ from gslts.update.refine import OnStep, Refinement, refine
 from gslts.update.region import Region
 from gslts.update.targets import replay_targets, view_targets
 from gslts.update.verify import remaining_confidence
-from gslts.update.views import View
+from gslts.update.views import View, largest_range_m
 
 RADIUS_SIGMAS = 2
 """Radius of a Gaussian, in its largest standard deviation."""
@@ -60,7 +60,13 @@ def refine_edit(
     active = active_gaussians(edit, regions, settings.reach_m)
     targets = view_targets(training, regions, settings)
     targets += replay_targets(
-        before, edit.gaussian_map, cameras, regions, settings, threads=config.threads
+        before,
+        edit.gaussian_map,
+        cameras,
+        regions,
+        settings,
+        range_m=largest_range_m(training),
+        threads=config.threads,
     )
 
     def refine_once(gaussian_map: GaussianMap) -> Refinement:

@@ -7,7 +7,7 @@ of the object in the map are compared with depth and colours of the frames.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gslts.core.camera import unproject
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import product, rotation, transform
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.rigid_motion import MAX_COLOR_STEP, depth_tolerance_m, project_points
 from gslts.update.views import MIN_ALPHA, View
@@ -110,8 +111,12 @@ def _planar_motion(correction: Floats, center: Floats) -> Floats:
 
 def _sample(gaussian_map: GaussianMap, rows: Bools, view: View, threads: int) -> _Samples:
     """Return points of the object that the map shows in a view."""
-    drawn = replace(gaussian_map, features=rows[:, None].astype(np.float32))
-    images = Rasterizer(np.float32).forward(drawn, view.camera, RenderOptions(threads=threads))
+    own_ids = gaussian_map.select(rows).ids
+    drawn = gaussian_map.with_features(
+        lambda ids: np.isin(ids, own_ids)[:, None].astype(np.float32)
+    )
+    options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
+    images = Rasterizer(np.float32).forward(drawn, view.camera, options)
     own = (images.features[..., 0] > MIN_ALPHA * images.alpha) & (view.rendered_depth > 0)
     v, u = np.nonzero(own)
     chosen = np.linspace(0, len(v) - 1, min(len(v), MAX_SAMPLES)).round().astype(np.intp)

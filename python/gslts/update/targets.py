@@ -12,6 +12,7 @@ from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.config import RefineConfig
 from gslts.update.region import Region
@@ -44,6 +45,11 @@ class Target:
     depth: Floats32
     mask: Bools | None
     visits: int = 1
+
+    @property
+    def range_m(self) -> float:
+        """Distance beyond which the map is not compared with the image, m."""
+        return view_range_m(self.depth)
 
 
 def view_targets(
@@ -80,6 +86,7 @@ def replay_targets(
     regions: Sequence[Region],
     config: RefineConfig,
     *,
+    range_m: float = np.inf,
     threads: int = 0,
 ) -> list[Target]:
     """Return renderings of the old map around a change, so that its surroundings stay as they were.
@@ -90,12 +97,15 @@ def replay_targets(
         cameras: Training cameras of the map.
         regions: Regions of the changes.
         config: Settings.
+        range_m: Far plane of the renderings, m.
         threads: 0 uses all hardware threads.
 
     Returns:
         At most `config.replay_views` targets; edited pixels are masked out.
     """
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer = Rasterizer(np.float32)
+    before, edited = before.without_features(), edited.without_features()
+    options = RenderOptions(far_m=range_m, threads=threads)
     targets = []
     for camera in spread_cameras(cameras, regions, config.replay_views):
         mask = region_mask(camera, regions, config.margin_px)

@@ -12,6 +12,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.update.evidence import is_visible
 from gslts.update.region import NEAR_M, Region
 from gslts.update.targets import region_pixels
@@ -64,10 +65,11 @@ def error_in_regions(
     Returns:
         Error of sRGB colours, 0 to 1; None if no view shows a region.
     """
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer, gaussian_map = Rasterizer(np.float32), gaussian_map.without_features()
     total, count = 0.0, 0
     for view in views:
         mask = region_pixels(view, regions, MARGIN_PX)
+        options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
         images = rasterizer.forward(gaussian_map, view.camera, options, mask=mask)
         observed = view.frame.rgb[mask].astype(np.float32) / np.float32(255)
         rendered = apply_exposure(images.rgb[mask], view.exposure).clip(0, 1)

@@ -161,7 +161,7 @@ def collect_views(
         tour.visit(index)
     remaining = iter(tour.regions)
     by_change = [list(islice(remaining, len(regions_of(change)))) for change in changes]
-    views = _align(tour, tour.frames, detector.gaussian_map, threads)
+    views = _align(tour, tour.frames, detector.gaussian_map.without_features(), threads)
     results = [
         confirm(change, own, views, tour.skipped)
         for change, own in zip(changes, by_change, strict=True)
@@ -172,7 +172,7 @@ def collect_views(
     if any(rows.any() for rows in moved):
         detector = _detector_of_moved(detector, results, moved)
         frames = [(frame, detector.detect(frame)) for frame, _ in tour.frames]
-        views = _align(tour, frames, detector.gaussian_map, threads)
+        views = _align(tour, frames, detector.gaussian_map.without_features(), threads)
         results = [
             result if change.kind == "shift" else confirm(change, own, views, tour.skipped)
             for change, own, result in zip(changes, by_change, results, strict=True)

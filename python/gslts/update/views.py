@@ -16,6 +16,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import MIN_RANGE_M, view_range_m
 from gslts.types import Bools, Floats32
 from gslts.update.region import Region
 
@@ -170,12 +171,23 @@ def render_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View
         gaussian_map: float32, before any edit.
         threads: 0 uses all hardware threads.
     """
-    # Without this limit, a wall beside the camera is rendered as fog before the scene.
-    options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=threads)
+    # Without the near limit, a wall beside the camera is rendered as fog before the scene.
+    options = RenderOptions(
+        far_m=view_range_m(view.depth), near_sigmas=NEAR_SIGMAS, threads=threads
+    )
     images = Rasterizer(np.float32).forward(gaussian_map, view.camera, options)
     depth = np.where(images.alpha >= MIN_ALPHA, images.depth, 0).astype(np.float32)
     rgb = np.asarray(images.rgb, np.float32)
     return replace(view, rendered_depth=depth, rendered_rgb=rgb)
+
+
+def largest_range_m(views: Iterable[View]) -> float:
+    """Return the distance beyond which no view is compared with the map, m.
+
+    Args:
+        views: Any number.
+    """
+    return max([MIN_RANGE_M, *(view_range_m(view.depth) for view in views)])
 
 
 def bring_to_front(view: View) -> View:

@@ -6,7 +6,6 @@ The job is a JSON file; the result is printed as JSON.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from collections.abc import Callable
@@ -92,12 +91,19 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
     return {
         "gaussians": gaussian_map.size,
         "seconds": seconds,
-        "memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "memory_mib": _peak_mib(),
         "changes": len(detection.changes),
         "located": found.status,
         "objects": len(objects),
         "rejected": result.rejected,
     }
+
+
+def _peak_mib() -> float:
+    """Return the maximum resident memory; that of `getrusage` may be of the parent process."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    (peak,) = (line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
+    return int(peak) / 1024
 
 
 def _once(seconds: dict[str, float], stage: str, call: Callable[[], T]) -> T:

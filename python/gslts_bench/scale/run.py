@@ -18,7 +18,9 @@ from pydantic import Field, FiniteFloat
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.fleet.jobs import Add
+from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks, write_landmarks
+from gslts.localization.relocalizer import Relocalizer
 from gslts.semantics.autoencoder import autoencoder_bytes
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import write_map_folder
@@ -91,7 +93,7 @@ class ScaleUnit(BenchUnit[Record, BenchHome]):
             done: Ids of the results of earlier runs.
             add: Receives each result.
         """
-        semantic, task = read_semantic_map(self.bench), self._detected_task()
+        semantic, task = read_semantic_map(self.bench), self._task()
         for wanted in self.gaussians:
             rooms = max(1, round(wanted / semantic.gaussian_map.size))
             record = Record(id=f"{self.name}: {wanted}", home=self.name, rooms=rooms)
@@ -99,13 +101,17 @@ class ScaleUnit(BenchUnit[Record, BenchHome]):
                 measured = attempt(record, partial(self._measure, semantic, task, rooms))
                 add(measured.model_dump(mode="json"))
 
-    def _detected_task(self) -> Task:
-        """Return the first task whose change is detected where the robot starts."""
+    def _task(self) -> Task:
+        """Return the first task whose first frame is localized and shows the change."""
         detector = ChangeDetector.of_map(self.bench.map(), DetectionConfig(threads=1))
+        relocalizer = Relocalizer.of_map(self.bench.map(), RelocalizationConfig(threads=1))
         home = self.bench.load()
         for task in self.bench.tasks(MAX_TASKS):
-            found = detector.detect(task.start(home, changed=True).observe()).changes
-            if any(fits(Report.of(change), task.change) for change in found):
+            frame = task.start(home, changed=True).observe()
+            found = detector.detect(frame).changes
+            if any(fits(Report.of(change), task.change) for change in found) and (
+                relocalizer.localize(frame).status == "ok"
+            ):
                 return task
         raise ValueError(f"{self.name}: none of {MAX_TASKS} changes is detected in its map")
 

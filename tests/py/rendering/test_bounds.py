@@ -83,15 +83,15 @@ def test_rows_in_box_has_all_centres(large: GaussianMap) -> None:
 
 def test_other_features_share_the_rest(large: GaussianMap) -> None:
     features = np.ones((large.size, 3), np.float32)
-    changed = large.with_features(features)
+    changed = large.with_features(lambda _: features)
     assert changed.bounds is large.bounds
     assert changed.means is large.means
     assert np.array_equal(changed.features, features)
     with pytest.raises(ValueError, match="features"):
-        large.with_features(features[1:])
+        large.with_features(lambda _: features[1:])
     features[5, 1] = np.nan
     with pytest.raises(ValueError, match="features: must be finite"):
-        large.with_features(features)
+        large.with_features(lambda _: features)
 
 
 def test_numbers_that_are_not_finite_are_named(large: GaussianMap) -> None:

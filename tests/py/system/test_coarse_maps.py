@@ -21,9 +21,9 @@ def volume(gaussian_map: GaussianMap) -> float:
 def test_fewer_gaussians_fill_about_the_same_volume() -> None:
     gaussian_map = change_room.mapped()[0]
     few = thin(gaussian_map, 4)
-    assert few.size == gaussian_map.size // 4
+    assert few.size == pytest.approx(gaussian_map.size / 4, rel=0.1)
     assert few.sh_degree == 0
-    assert set(few.ids) < set(gaussian_map.ids)
+    assert np.isin(few.means[:, 0], gaussian_map.means[:, 0]).all()
     assert volume(few) == pytest.approx(volume(gaussian_map), rel=0.15)
 
 
@@ -47,7 +47,8 @@ def test_a_coarse_image_of_fewer_gaussians_is_about_the_same() -> None:
 
 
 def _not_grown(gaussian_map: GaussianMap) -> GaussianViewFloat:
-    view = gaussian_map.select(np.isin(gaussian_map.ids, thin(gaussian_map, 2).ids)).view()
+    kept = np.isin(gaussian_map.means[:, 0], thin(gaussian_map, 2).means[:, 0])
+    view = gaussian_map.select(kept).view()
     assert isinstance(view, GaussianViewFloat)
     return view
 

@@ -27,9 +27,7 @@ def join(old: GaussianMap, new: GaussianMap, first_id: int | None = None) -> Gau
         new: Gaussians in the frame of the old map.
         first_id: First id of the new Gaussians; None means the one after the greatest old id.
     """
-    first = first_id
-    if first is None:
-        first = int(old.ids.max()) + 1 if old.size else 0
+    first = old.next_id if first_id is None else first_id
     return GaussianMap(
         means=np.concatenate([old.means, new.means]),
         quats=np.concatenate([old.quats, new.quats]),
