@@ -51,6 +51,10 @@ class TrainingCamera(Camera):
         )
         self.next_id = next_id
 
+    def __reduce__(self) -> tuple[type[TrainingCamera], tuple[Camera, int]]:
+        """Return what a copy in another process is made of."""
+        return TrainingCamera, (at_pose(self, self.world_from_camera), self.next_id)
+
 
 def at_pose(camera: Camera, world_from_camera: Floats) -> Camera:
     """Return a camera with the same intrinsics at another pose.

@@ -7,7 +7,7 @@ import scenes
 from scipy.spatial.transform import Rotation
 
 import gslts
-from gslts.core.camera import at_pose, downscale, new_viewpoints, unproject
+from gslts.core.camera import TrainingCamera, at_pose, downscale, new_viewpoints, unproject
 from gslts.core.se3 import rotation, rotation_vector
 
 IDENTITY = np.eye(4)
@@ -59,6 +59,10 @@ def test_equal_cameras_compare_equal():
 def test_camera_survives_pickling():
     camera = make_camera()
     assert pickle.loads(pickle.dumps(camera)) == camera
+    training = TrainingCamera(camera, 7)
+    copy = pickle.loads(pickle.dumps(training))
+    assert copy == training == camera
+    assert copy.next_id == 7
 
 
 def test_repr_shows_every_field():

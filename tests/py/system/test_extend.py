@@ -15,7 +15,9 @@ from command import gslts as run
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import pose_distance, product
 from gslts.datasets import open_dataset
+from gslts.extension import placement
 from gslts.extension.pipeline import MapExtension, extend_map
+from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.evaluation.evaluate import evaluate, refine_pose
 from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.mapping.observation import Observation
@@ -197,3 +199,18 @@ def test_what_changed_meanwhile_is_named_and_not_added(tmp_path):
     new = after.select(after.ids > before.ids[-1])
     inside = (np.abs(new.means - [2.6, 1.7, 0.9]) < [0.11, 0.11, 0.14]).all(axis=1)
     assert not inside.any()
+
+
+def test_frames_between_the_scouts_place_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(placement, "MAX_SCOUTS", 2)
+    path = half_room.map_of_half(tmp_path / "map")
+    near = open_dataset(half_room.known_recording(tmp_path / "near")).frames[:4]
+    far = open_dataset(half_room.recording(tmp_path / "far")).frames
+    ahead = [frame.camera.world_from_camera[:3] @ [0, 0, 1.5, 1] for frame in far]
+    last = far[int(np.argmax([x for x, _, _ in ahead]))]
+    frames = {str(k): Observation.of(frame.read()) for k, frame in enumerate((*near, last))}
+    placed = placement.place_frames(frames, Relocalizer.of_map(path))
+    assert placed.anchors[:4] == ("0", "1", "2", "3")
+    assert set(placed.frames) == set(frames)
