@@ -1,5 +1,5 @@
 # Each target sets up what it needs first; scripts/ does the work.
-.PHONY: help demo test test-all test-arm bench fuzz wheel lint docs format clean
+.PHONY: help demo test test-all test-arm bench fuzz wheel wheel-arm lint docs format clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
@@ -25,6 +25,9 @@ fuzz:  ## Feed the PLY reader malformed files for 10 minutes
 
 wheel:  ## Build a wheel that needs nothing but Python, in dist, and test it in a Debian of its own
 	@scripts/wheel
+
+wheel-arm:  ## Cross-compile a wheel for 64-bit ARM, in dist/aarch64, and test it under QEMU
+	@scripts/wheel python3 aarch64
 
 lint:  ## Check formatting, style, types, layers, docstrings, stubs and documents
 	@scripts/lint
