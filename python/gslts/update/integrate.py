@@ -21,14 +21,13 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
-from gslts.rendering.rasterizer import RenderOptions, rows_in_view
-from gslts.rendering.view_range import view_range_m
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import UpdateRecord
 from gslts.store.delta import Delta, apply_deltas, compare_by_ids
 from gslts.types import Bools, Indices
-from gslts.update.config import RefineConfig, UpdateConfig
+from gslts.update.config import UpdateConfig
 from gslts.update.edit import pre_edit
+from gslts.update.part import rows_of_update
 from gslts.update.refine import OnStep
 from gslts.update.region import Region
 from gslts.update.selection import gaussians_in_regions
@@ -36,7 +35,7 @@ from gslts.update.settle import active_gaussians, refine_edit
 from gslts.update.steadiness import unsteady_share
 from gslts.update.verify import error_in_regions, split_views
 from gslts.update.view_collection import Collection, collect_views
-from gslts.update.views import View, largest_range_m
+from gslts.update.views import View
 
 Stage = Literal["collecting", "refining"]
 Progress = Callable[[Stage], None]
@@ -142,7 +141,7 @@ def integrate_changes(
         progress=lambda: progress("collecting"),
     )
     clock.stop("collecting")
-    rows = _rows_of_update(gaussian_map, cameras, collection, config.refine)
+    rows = rows_of_update(gaussian_map, cameras, collection.views, collection.regions, config)
     before = gaussian_map.select(rows)
     updated, collection, record = integrate_views(
         before,
@@ -182,33 +181,6 @@ def integrate_changes(
         regions=collection.regions,
         moved=moved,
     )
-
-
-def _rows_of_update(
-    gaussian_map: GaussianMap,
-    cameras: Sequence[Camera],
-    collection: Collection,
-    config: RefineConfig,
-) -> Indices:
-    """Return the rows [M] of Gaussians that an update may read or change.
-
-    Chunks in view of the collected views, and in the parts of the training images around a change.
-    """
-    parts, needed = [], []
-    for region in collection.regions:
-        reach_m = config.reach_m
-        needed.append(gaussian_map.rows_in_box(region.low - reach_m, region.high + reach_m))
-        rectangles = [(camera, region.project_box(camera, config.margin_px)) for camera in cameras]
-        parts += [camera.cropped(*corners) for camera, corners in rectangles if corners is not None]
-    options = RenderOptions(far_m=largest_range_m(collection.views))
-    needed.append(rows_in_view(gaussian_map, parts, options))
-    for view in collection.views:
-        options = RenderOptions(far_m=view_range_m(view.depth))
-        needed.append(rows_in_view(gaussian_map, [view.camera], options))
-    marks = np.zeros(gaussian_map.size, np.bool_)
-    for rows in needed:
-        marks[rows] = True
-    return np.flatnonzero(marks)
 
 
 def _spread(part: Bools, rows: Indices, size: int) -> Bools:
