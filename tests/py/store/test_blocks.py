@@ -14,6 +14,7 @@ from store_maps import ROOM, assert_same, blobs_of, edited, random_map
 
 import gslts
 from gslts._core.map import CHUNK_SIZE
+from gslts.core.edited_map import remove_from_id
 from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
 from gslts.mapping.order import sort_by_place
 from gslts.rendering.rasterizer import rows_in_view
@@ -85,6 +86,18 @@ def test_what_is_in_view_is_read_and_renders_to_the_same_bits(
     assert_same(stored.select(rows), large.select(rows))
     np.testing.assert_array_equal(stored.centers(rows), large.centers(rows))
     assert_same(stored, large)
+
+
+def test_a_map_without_its_newest_gaussians_is_not_read(folder: Path, large: GaussianMap) -> None:
+    stored = read(folder)
+    first_id = int(large.next_id) - 700
+    older = remove_from_id(stored, first_id)
+    assert loaded_chunks(stored) == 0
+    expected = remove_from_id(large, first_id)
+    assert image_bytes(gslts.render(older, CAMERA)) == image_bytes(gslts.render(expected, CAMERA))
+    assert_same(older, expected)
+    assert (older.size, older.ids.max()) == (large.size - 700, first_id - 1)
+    assert remove_from_id(stored, stored.next_id).size == large.size
 
 
 def test_other_features_of_what_is_read(folder: Path, large: GaussianMap) -> None:
