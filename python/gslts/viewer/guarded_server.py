@@ -12,6 +12,7 @@ import hmac
 import http
 import re
 import socket
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http.cookies import CookieError, SimpleCookie
@@ -64,6 +65,7 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
             f"--token: must match {TOKEN.pattern}, such as that of: openssl rand -hex 16"
         )
     rich.get_console().quiet = True  # viser greets on the terminal.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection")  # Pages may be closed.
     try:
         bound = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
