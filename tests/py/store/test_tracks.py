@@ -290,7 +290,8 @@ def test_facts_of_a_version_name_its_words_and_the_last_positions(store: MapStor
     json.dumps(facts, allow_nan=False)
     assert (facts["version"], facts["types"]) == (4, ("Mug",))
     assert facts["objects"] == [{"name": "Mug", "box": None}, {"name": "Pillow", "box": box(B)}]
-    assert datetime.fromisoformat(facts["time"]).timestamp() == store.version(4).time_s
+    time_s = datetime.fromisoformat(facts["time"]).timestamp()
+    assert time_s == pytest.approx(store.version(4).time_s, abs=1e-6)  # It has microseconds.
     before = version_facts(store, 2)
     assert (before["version"], before["types"]) == (2, ())
     assert before["objects"][1] == {"name": "Pillow", "box": box(A)}
