@@ -164,7 +164,9 @@ TYPED_TEST(Chunks, ChunksAreLoadedBeforeTheyAreRead) {
     const Images<T> got = loading.forward(view, camera);
     EXPECT_EQ(expected.rgb, got.rgb);
     EXPECT_EQ(expected.depth, got.depth);
-    if (trial == 0) EXPECT_GT(std::count(loaded.begin(), loaded.end(), 0), 0);
+    if (trial == 0) {
+      EXPECT_GT(std::count(loaded.begin(), loaded.end(), 0), 0);
+    }
   }
   bounds.load = [](const std::vector<std::uint32_t>&) { throw std::runtime_error("damaged"); };
   EXPECT_THROW(loading.forward(view, random_camera(random, whole.origin)), std::runtime_error);

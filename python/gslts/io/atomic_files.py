@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 
+BUFFER_BYTES = 1 << 20
+"""Bytes of a file that are written at once, if it comes in smaller parts."""
+
+
 def write_atomic(path: Path, *content: ReadableBuffer) -> None:
     """Write a file atomically; when this returns, it is synced to the disk.
 
@@ -27,7 +31,7 @@ def write_atomic(path: Path, *content: ReadableBuffer) -> None:
     """
     temporary = temporary_path(path)
     try:
-        with name_in_errors(path), temporary.open("wb") as file:
+        with name_in_errors(path), temporary.open("wb", buffering=BUFFER_BYTES) as file:
             for part in content:
                 file.write(part)
             file.flush()

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from gslts._core.map import CHUNK_SIZE
-from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
@@ -114,12 +114,12 @@ class SemanticQueries:
         self.gaussian_map, self._source = gaussian_map, source
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
         points = [np.zeros((0, 3))]
-        features: list[FloatArray] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
+        features: list[Floats32] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
         step = max(1, gaussian_map.size // SAMPLE_SIZE)
         for _, part in gaussian_map.parts():
             sample = _scored(part, np.arange(part.size))[::step]
             points.append(part.means[sample].astype(np.float64))
-            features.append(part.features[sample])
+            features.append(part.features[sample].astype(np.float32, copy=False))
         # Relative to the origin of the map, to which cells are aligned.
         self._points, self._features = np.concatenate(points), np.concatenate(features)
 
@@ -202,7 +202,7 @@ class SemanticQueries:
     def _encode(self, text: str) -> Floats32:
         return self._source.encode([checked_text(text)])
 
-    def _neighbourhood(self, points: Floats) -> tuple[Indices, Floats, FloatArray]:
+    def _neighbourhood(self, points: Floats) -> tuple[Indices, Floats, Floats32]:
         """Return rows, points and features of all scored Gaussians around some points.
 
         Those in the cells of the points, and in the 26 neighbours of these.
@@ -212,7 +212,7 @@ class SemanticQueries:
         keys = np.unique(keys[:, None] + NEIGHBOURS)
         rows: list[Indices] = []
         near: list[Floats] = []
-        features: list[FloatArray] = []
+        features: list[Floats32] = []
         for chunk in self._chunks_near(cells):
             first = chunk * CHUNK_SIZE
             end = min(first + CHUNK_SIZE, self.gaussian_map.size)
@@ -221,7 +221,7 @@ class SemanticQueries:
             own = _scored(part, np.flatnonzero(np.isin(cells_of, keys)))
             rows.append(first + own)
             near.append(part.means[own].astype(np.float64))
-            features.append(part.features[own])
+            features.append(part.features[own].astype(np.float32, copy=False))
         return np.concatenate(rows), np.concatenate(near), np.concatenate(features)
 
     def _chunks_near(self, cells: Floats) -> Indices:

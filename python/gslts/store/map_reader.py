@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
 from gslts.store.blobs import Blobs
 from gslts.store.causes import SemanticsCause
@@ -84,7 +86,7 @@ class MapReader(History):
             except ValueError as error:
                 raise damage or error from None
             try:
-                base = self._open_snapshot(start, snapshots.pop(start), version.number)
+                base = self._open_snapshot(start, snapshots.pop(start))
                 break
             except (OSError, ValueError) as error:
                 damage = error  # An older snapshot and more deltas lead to the same version.
@@ -96,16 +98,16 @@ class MapReader(History):
         except ValueError as error:
             raise ValueError(f"{self._folder}: version {version.number}: {error}") from error
 
-    def _open_snapshot(self, start: int, snapshot: Snapshot, number: int) -> GaussianMap:
-        """Return the map of a snapshot of version `start`, for reading version `number`."""
-        if snapshot.head is not None and self.version(start).gaussians >= MIN_BOUNDED:
-            path = self._blobs.path(snapshot.key)
-            label = f"{self._folder}: version {number}: {path.name}"
-            return open_snapshot(path, snapshot, label)
-        arrays = self._blobs.read(snapshot)
-        return map_from_arrays(
-            {name: array for name, array in arrays.items() if not name.startswith(PREFIX)}
-        )
+    def _open_snapshot(self, number: int, snapshot: Snapshot) -> GaussianMap:
+        """Return the map of the snapshot of a version; a small one is read as a whole."""
+        if snapshot.head is None:
+            arrays = self._blobs.read(snapshot)
+            names = [name for name in arrays if not name.startswith(PREFIX)]
+            return map_from_arrays({name: arrays[name] for name in names})
+        path = self._blobs.path(snapshot.key)
+        gaussian_map = open_snapshot(path, snapshot, f"version {number}: {path}")
+        is_small = gaussian_map.size < MIN_BOUNDED
+        return gaussian_map.select(np.arange(gaussian_map.size)) if is_small else gaussian_map
 
     def _reconstruction(
         self, number: int, snapshots: Mapping[int, Snapshot]
