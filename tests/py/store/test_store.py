@@ -396,6 +396,5 @@ def test_a_clock_that_goes_back_is_logged(
     grown(folder, 1)
     monkeypatch.setattr("time.time", lambda: 5.0)
     with MapStore(folder, writable=True) as store:
-        version = store.restore(1)
-    assert version.number == 3
+        assert store.restore(1).number == 3
     assert "s behind version 2" in caplog.text
