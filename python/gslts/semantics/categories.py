@@ -56,6 +56,8 @@ def classify_gaussians(
     scorer = RelevanceScorer(gaussian_map, codec, source)
     if not names:
         return np.full(len(rows), -1, np.int32)
-    scores = scorer.scores(source.encode(names), gaussian_map.select(rows).features)
+    own, row_of = np.unique(rows, return_inverse=True)
+    features = gaussian_map.select(own).features[row_of]
+    scores = scorer.scores(source.encode(names), features)
     is_match = scores.max(axis=0) >= source.threshold
     return np.where(is_match, scores.argmax(axis=0), -1).astype(np.int32)
