@@ -73,8 +73,8 @@ def test_an_error_in_writing_names_the_file(
 ) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"old")
-    opened = Path.open
-    monkeypatch.setattr(Path, "open", lambda _, mode: opened(Path("/dev/full"), mode))
+    opened, full = Path.open, Path("/dev/full")
+    monkeypatch.setattr(Path, "open", lambda _, *given, **named: opened(full, *given, **named))
     with pytest.raises(OSError, match=r"No space left on device: .*/file'"):
         write_atomic(path, b"new")
     monkeypatch.undo()
