@@ -176,4 +176,4 @@ def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing
     """
     Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].
     """
-CHUNK_SIZE: int = 4096
+CHUNK_SIZE: int = 1024
