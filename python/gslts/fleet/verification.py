@@ -30,7 +30,7 @@ from gslts.store.delta import Delta, apply_deltas
 from gslts.store.map_folder import camera_from_json
 from gslts.store.measurements import read_measurements
 from gslts.types import Bools, Floats, Floats32
-from gslts.update.region import NEAR_M, Region
+from gslts.update.region import MAX_REGION_DISTANCE_M, Region
 from gslts.update.verify import remaining_confidence
 
 MAX_FRAMES = 6
@@ -118,7 +118,7 @@ def _reason_to_give_up(attempt: Attempt, change: ChangeRecord, is_missing: bool)
     """Return why a change is given up; None if the newest map should show it and does not."""
     if not is_missing:
         return f"the map shows it already, since {attempt.describe_rival(change.boxes)}"
-    rivals = attempt.rivals(change.boxes, NEAR_M)
+    rivals = attempt.rivals(change.boxes, MAX_REGION_DISTANCE_M)
     if any(rival.version.time_s > attempt.own.version.time_s for rival in rivals):
         return f"{attempt.describe_rival(change.boxes)} saw the object later"
     return None

@@ -16,7 +16,7 @@ from gslts.change.unknown import surface_fault
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
-from gslts.update.region import CORNERS, NEAR_M, Region, regions_of
+from gslts.update.region import CORNERS, MAX_REGION_DISTANCE_M, Region, regions_of
 from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
@@ -231,7 +231,8 @@ def _overlaps(report: Change, regions: Sequence[Region]) -> bool:
     """Return whether the box of a change overlaps one of the regions, or is near it."""
     for box, region in product(report.boxes, regions):
         if box is not None and bool(
-            np.all(box[0] <= region.high + NEAR_M) and np.all(box[1] >= region.low - NEAR_M)
+            np.all(box[0] <= region.high + MAX_REGION_DISTANCE_M)
+            and np.all(box[1] >= region.low - MAX_REGION_DISTANCE_M)
         ):
             return True
     return False

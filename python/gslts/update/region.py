@@ -16,7 +16,7 @@ from gslts.types import Bools, Floats
 
 Side = Literal["before", "after"]
 
-NEAR_M = 0.15
+MAX_REGION_DISTANCE_M = 0.15
 """Maximum distance from a region to a surface that belongs to it, m. Covers the error of one frame
 in depth and pose."""
 MIN_DEPTH_M = 0.05
@@ -55,7 +55,7 @@ class Region:
             True if it has the side of the region and is near to it.
         """
         side = "before" if surface.side == _core.Side.BEFORE else "after"
-        return side == self.side and bool(self.contains(surface.point, NEAR_M))
+        return side == self.side and bool(self.contains(surface.point, MAX_REGION_DISTANCE_M))
 
     def contains(self, points: Floats, margin_m: float | Floats) -> Bools:
         """Return which points lie in the box.

@@ -14,7 +14,7 @@ from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
 from gslts.update.evidence import is_visible
-from gslts.update.region import NEAR_M, Region
+from gslts.update.region import MAX_REGION_DISTANCE_M, Region
 from gslts.update.targets import region_pixels
 from gslts.update.views import View
 
@@ -95,6 +95,6 @@ def remaining_confidence(
         confidence(surface)
         for frame in frames
         for surface in detector.detect(frame).surfaces
-        if any(region.contains(surface.point, NEAR_M) for region in regions)
+        if any(region.contains(surface.point, MAX_REGION_DISTANCE_M) for region in regions)
     ]
     return max(found, default=0.0)

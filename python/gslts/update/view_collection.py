@@ -21,7 +21,7 @@ from gslts.types import Bools, Indices
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
-from gslts.update.region import NEAR_M, Region, regions_of
+from gslts.update.region import MAX_REGION_DISTANCE_M, Region, regions_of
 from gslts.update.rigid_motion import move_gaussians, select_shifted
 from gslts.update.shift_registration import register_shift
 from gslts.update.tour import Tour
@@ -213,7 +213,7 @@ def _in_regions(view: View, regions: Sequence[Region]) -> View:
         inside = np.zeros(view.changed.shape, np.bool_)
         for region in regions:
             if region.side == side:
-                inside |= pixels_in_region(depth, view.camera, region, NEAR_M)
+                inside |= pixels_in_region(depth, view.camera, region, MAX_REGION_DISTANCE_M)
         masks[side] = inside
     return replace(view, before=view.before & masks["before"], after=view.after & masks["after"])
 

@@ -15,7 +15,7 @@ MIN_ALPHA = 0.5
 """Minimum opacity of what is clicked on."""
 FOCAL_PX = 500.0
 """Focal length of the pixel that is rendered for a click, px: about that of a page."""
-NEAR_M = 0.03
+PICK_RADIUS_M = 0.03
 """Distance around a point on a surface in which Gaussians are taken to name it, and by which it may
 lie outside of the box of its object, m: the noise of depth."""
 
@@ -73,7 +73,7 @@ def contains(box: Box | tuple[Floats, Floats], point: Floats) -> bool:
         box: Lower and upper corner, m.
         point: (3,) m.
     """
-    low, high = np.array(box[0]) - NEAR_M, np.array(box[1]) + NEAR_M
+    low, high = np.array(box[0]) - PICK_RADIUS_M, np.array(box[1]) + PICK_RADIUS_M
     return bool(((low <= point) & (point <= high)).all())
 
 

@@ -34,7 +34,7 @@ from gslts.store.map_folder import open_map
 from gslts.store.records import Track, TrackEvent, Version
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell, block_edge_m, make_blocks
-from gslts.viewer.picking import NEAR_M, contains, volume_m3
+from gslts.viewer.picking import PICK_RADIUS_M, contains, volume_m3
 
 if TYPE_CHECKING:
     from gslts.navigation.planner import PlannedPath
@@ -286,7 +286,7 @@ class ViewedMap:
         with self._query_lock:
             semantics, gaussian_map = self._semantics(number), self.gaussians(number)
             offsets = gaussian_map.means - (point - gaussian_map.origin)
-            rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < NEAR_M)
+            rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < PICK_RADIUS_M)
             classes = classify_gaussians(
                 gaussian_map, rows, semantics.codec, semantics.source, semantics.names
             )

@@ -21,7 +21,7 @@ SHEET = Region("after", LOW, HIGH)
 PART = Region("after", LOW, np.array([2.45, 1.65, HIGH[2]]))
 """The part of it that a detector may report."""
 
-NEAR_M = 0.12
+MAX_REGION_DISTANCE_M = 0.12
 """A voxel, and the blur of small images."""
 
 
@@ -46,13 +46,13 @@ def views(*, changed: bool) -> tuple[View, ...]:
 
 def test_a_flat_object_is_found_by_its_color() -> None:
     (region,), larger = extend_regions([PART], views(changed=True))
-    np.testing.assert_allclose(region.low, LOW, atol=NEAR_M)
-    np.testing.assert_allclose(region.high, HIGH, atol=NEAR_M)
+    np.testing.assert_allclose(region.low, LOW, atol=MAX_REGION_DISTANCE_M)
+    np.testing.assert_allclose(region.high, HIGH, atol=MAX_REGION_DISTANCE_M)
     for view in larger:
         sheet = pixels_in_region(view.depth, view.camera, SHEET, 0.005)
         assert sheet.sum() > 100
         assert view.after[sheet].mean() > 0.9
-        around = pixels_in_region(view.depth, view.camera, SHEET, NEAR_M)
+        around = pixels_in_region(view.depth, view.camera, SHEET, MAX_REGION_DISTANCE_M)
         assert not view.after[~around].any()
         assert not view.before.any()
 
