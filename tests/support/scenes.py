@@ -1,11 +1,13 @@
 """Small scenes and comparisons that several tests share."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 import gslts
+from gslts.mapping.order import sort_by_place
 from gslts.rendering.rasterizer import Images
 
 
@@ -83,3 +85,13 @@ def render_bytes(threads: int) -> tuple[bytes, ...]:
     """Render a scene; child processes call this function, so it must be importable by name."""
     options = gslts.RenderOptions(threads=threads)
     return image_bytes(gslts.render(random_map(300, dtype=np.float32), orbit_camera(), options))
+
+
+def in_clusters(gaussian_map: gslts.GaussianMap) -> gslts.GaussianMap:
+    """Return the Gaussians small and in eight clusters, most of them out of view of a camera."""
+    rng = np.random.default_rng(1)
+    centres = 15 * rng.normal(size=(8, 3)).astype(np.float32)
+    means = gaussian_map.means + centres[rng.integers(8, size=gaussian_map.size)]
+    log_scales = gaussian_map.log_scales - np.float32(5)
+    origin = np.zeros(3)
+    return sort_by_place(replace(gaussian_map, means=means, log_scales=log_scales, origin=origin))

@@ -4,26 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import image_bytes, orbit_camera
+from scenes import image_bytes, in_clusters, orbit_camera
 from store_maps import random_map
 
 import gslts
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
-from gslts.mapping.order import sort_by_place
 from gslts.rendering.rasterizer import Rasterizer, rows_in_view
 
 
 @pytest.fixture(scope="module")
 def large() -> GaussianMap:
     """Return clusters of small Gaussians, most of them out of view of a camera."""
-    gaussian_map = random_map(MIN_BOUNDED + 1000, features=1)
-    rng = np.random.default_rng(1)
-    centres = 15 * rng.normal(size=(8, 3)).astype(np.float32)
-    means = gaussian_map.means + centres[rng.integers(8, size=gaussian_map.size)]
-    log_scales = gaussian_map.log_scales - np.float32(5)
-    origin = np.zeros(3)
-    return sort_by_place(replace(gaussian_map, means=means, log_scales=log_scales, origin=origin))
+    return in_clusters(random_map(MIN_BOUNDED + 1000, features=1))
 
 
 def without_bounds(gaussian_map: GaussianMap) -> GaussianMap:

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
-from scenes import image_bytes, orbit_camera
+from scenes import image_bytes, in_clusters, orbit_camera
 from store_maps import ROOM, assert_same, blobs_of, edited, random_map
 
 import gslts
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.edited_map import remove_from_id
 from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
-from gslts.mapping.order import sort_by_place
 from gslts.rendering.rasterizer import rows_in_view
 from gslts.store.causes import UpdateCause
 from gslts.store.delta import apply_deltas, compute_delta
@@ -27,13 +26,7 @@ CAMERA = orbit_camera(angle_rad=2)
 
 def clusters(size: int = MIN_BOUNDED + 1000) -> GaussianMap:
     """Return clusters of small Gaussians, most of them out of view of the camera."""
-    gaussian_map = random_map(size)
-    rng = np.random.default_rng(1)
-    centres = 15 * rng.normal(size=(8, 3)).astype(np.float32)
-    means = gaussian_map.means + centres[rng.integers(8, size=gaussian_map.size)]
-    log_scales = gaussian_map.log_scales - np.float32(5)
-    origin = np.zeros(3)
-    return sort_by_place(replace(gaussian_map, means=means, log_scales=log_scales, origin=origin))
+    return in_clusters(random_map(size))
 
 
 @pytest.fixture(scope="module")
