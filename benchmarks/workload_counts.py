@@ -13,7 +13,7 @@ import numpy as np
 from gslts.types import Floats, Ints
 from gslts_bench.synthetic_rooms import NEAR_PLANE_M, Room, make_room
 
-# The constants of 3DGS (Kerbl et al. 2023), as in gslts::raster::RenderOptions.
+# The constants of 3DGS (Kerbl et al. 2023).
 ALPHA_MIN = 1 / 255
 ALPHA_MAX = 0.99
 TRANSMITTANCE_MIN = 1e-4

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gslts.store.causes import Record
     from gslts.store.delta import Delta
     from gslts.store.history import History
-    from gslts.store.records import Version
+    from gslts.store.records import Rejection, Version
 
 # Imports are inside the commands, so that `gslts --help` starts fast.
 
@@ -70,7 +70,7 @@ def show(map_path: MapFolder, number: Number) -> None:
 
     with open_history(map_path) as store:
         version, lines = store.version(number), describe_versions(store)
-    typer.echo(_line(version))
+    typer.echo(_version_line(version))
     for line in lines[number]:
         typer.echo(f"        {line}")
     image = update_image_path(map_path, number)
@@ -123,7 +123,7 @@ def restore(map_path: WritableMap, number: Number) -> None:
 
     with open_map(map_path, writable=True) as store:
         version = store.restore(number)
-    typer.echo(_line(version))
+    typer.echo(_version_line(version))
 
 
 def verify(map_path: MapFolder) -> None:
@@ -211,32 +211,37 @@ def _history_json(store: History, name: str | None) -> str:
 
 
 def _print_history(store: History) -> None:
-    from gslts.store.describe import describe_rejection, describe_versions, format_made
+    from gslts.store.describe import describe_rejection, describe_versions
 
     lines, rejections = describe_versions(store), store.rejections()
     for version in reversed(store.versions()):
         for rejection in rejections:
             if rejection.version == version.number:
-                made = format_made(rejection)
-                typer.echo(f"        {made}  {describe_rejection(rejection)}")
-        typer.echo(_line(version))
+                typer.echo(_line("", rejection, describe_rejection(rejection)))
+        typer.echo(_version_line(version))
         for line in lines[version.number]:
             typer.echo(f"        {line}")
 
 
 def _print_track(store: History, name: str) -> None:
-    from gslts.store.describe import describe_event, format_made
+    from gslts.store.describe import describe_event
 
     track = store.track(name)
     for event in reversed(track.events):
-        made = format_made(store.version(event.version))
-        typer.echo(f"{event.version:6}  {made}  {describe_event(event, track.name)}")
+        version, text = store.version(event.version), describe_event(event, track.name)
+        typer.echo(_line(version.number, version, text))
 
 
-def _line(version: Version) -> str:
-    from gslts.store.describe import describe_version, format_made
+def _version_line(version: Version) -> str:
+    from gslts.store.describe import describe_version
 
-    return f"{version.number:6}  {format_made(version)}  {describe_version(version)}"
+    return _line(version.number, version, describe_version(version))
+
+
+def _line(number: int | str, record: Version | Rejection, text: str) -> str:
+    from gslts.store.describe import format_made
+
+    return f"{number:6}  {format_made(record)}  {text}"
 
 
 def _describe_delta(delta: Delta) -> str:

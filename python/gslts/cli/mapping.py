@@ -43,12 +43,12 @@ PosesOption = Annotated[
         "or estimated from the images alone."
     ),
 ]
+LAYOUTS = (
+    "nerfstudio, 7-Scenes, TUM RGB-D, COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica"
+)
+"""Layouts of recordings that all commands read, besides ROS 2 bags."""
 Dataset = Annotated[
-    Path,
-    typer.Argument(
-        help="A ROS 2 bag, or a recording in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
-        "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica."
-    ),
+    Path, typer.Argument(help=f"A ROS 2 bag, or a recording in the layout of {LAYOUTS}.")
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
 """Format of progress bars: stage, share, time passed and time left."""
@@ -63,8 +63,7 @@ def make(
         list[Path],
         typer.Argument(
             metavar="DATASET...",
-            help="ROS 2 bags, or recordings in the layout of nerfstudio, 7-Scenes, TUM RGB-D, "
-            "COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica.",
+            help=f"ROS 2 bags, or recordings in the layout of {LAYOUTS}.",
         ),
     ],
     out: Annotated[
