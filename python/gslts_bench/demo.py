@@ -14,18 +14,17 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
+from gslts.io.data_urls import png_of
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.describe import describe_keeper
 from gslts.keeper.errand import drive_to
-from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import MapKeeper
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Relocalizer
 from gslts.localization.side_by_side import side_by_side
 from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.mapping.report.images import png_of
 from gslts.mapping.report.summary import summary_of, write_result
 from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import draw_semantic_map
@@ -34,6 +33,7 @@ from gslts.semantics.add_semantics import add_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.query_image import draw_query
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.history_page import write_history
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig

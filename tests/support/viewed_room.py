@@ -25,6 +25,7 @@ from gslts.store.records import ObjectEvent
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+WITHOUT_GL = ("--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis", "--no-sandbox")
 ORIGIN = np.array([1000.0, -2000.0, 3.0])
 """Of the map in the world, m: far enough for mistakes to show."""
 WIDTH, HEIGHT = 630, 240
@@ -95,13 +96,13 @@ def move(folder: Path, before: Box, after: Box) -> None:
 
 
 @contextmanager
-def browser_page(url: str) -> Iterator["Page"]:
+def browser_page(url: str, flags: tuple[str, ...] = FLAGS) -> Iterator["Page"]:
     """Open a page in a headless Chromium with software GL; skip the test where there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("chromium is not installed")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.set_default_timeout(LONG_MS)
         opened = Page(page)

@@ -113,6 +113,14 @@ def extra_with(module: str) -> str:
     return ""
 
 
+def _in_one_line(error: Exception) -> str:
+    """Return the message of an error, those of the system without their numbers."""
+    text = str(error)
+    if isinstance(error, OSError) and error.filename is not None and error.strerror is not None:
+        text = f"{os.fsdecode(error.filename)}: {error.strerror}"
+    return " ".join(text.split()) or type(error).__name__
+
+
 def main() -> None:
     """Run a command; an error is one line on stderr and a non-zero exit status."""
     try:
@@ -124,7 +132,7 @@ def main() -> None:
             simd.target()  # Says what this machine lacks before anything is done.
         app(standalone_mode=True)
     except (OSError, ValueError, RuntimeError, ImportError, MemoryError) as error:
-        message = " ".join(str(error).split()) or type(error).__name__
+        message = _in_one_line(error)
         if isinstance(error, ModuleNotFoundError) and error.name:
             message += extra_with(error.name)
         print(f"gslts: {message}", file=sys.stderr)

@@ -47,7 +47,7 @@ def log(
         raise ValueError("--html writes the whole history: give it without --object and --json")
     with open_history(map_path) as store:
         if html is not None:
-            from gslts.keeper.history_page import write_history
+            from gslts.store.history_page import write_history
 
             write_history(html, store)
             typer.echo(f"wrote {html}")

@@ -43,9 +43,7 @@ PosesOption = Annotated[
         "or estimated from the images alone."
     ),
 ]
-LAYOUTS = (
-    "nerfstudio, 7-Scenes, TUM RGB-D, COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica"
-)
+LAYOUTS = "nerfstudio, 7-Scenes, TUM RGB-D, COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica"
 """Layouts of recordings that all commands read, besides ROS 2 bags."""
 Dataset = Annotated[
     Path, typer.Argument(help=f"A ROS 2 bag, or a recording in the layout of {LAYOUTS}.")

@@ -92,7 +92,10 @@ def parse_shared_version(content: bytes, name: str, number: int) -> SharedVersio
         ValueError: The object is damaged, of a newer format, or of another version.
     """
     try:
-        marks = json.loads(content)
+        try:
+            marks = json.loads(content)
+        except ValueError:
+            marks = None
         if not isinstance(marks, dict) or marks.get("format") != "gslts-shared-map":
             raise ValueError("not a version of a shared map")
         found = marks.get("format_version")

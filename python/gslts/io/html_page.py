@@ -23,10 +23,24 @@ def write_page(path: Path, title: str, summary: str, sections: Sequence[str]) ->
     Raises:
         OSError: The file cannot be written.
     """
+    write_atomic(path, make_page(title, summary, sections))
+
+
+def make_page(title: str, summary: str, sections: Sequence[str]) -> bytes:
+    """Make a page.
+
+    Args:
+        title: Heading.
+        summary: Line below the heading.
+        sections: From `section`; empty strings are skipped.
+
+    Returns:
+        HTML in UTF-8.
+    """
     head = f"<h1>{escape(title)}</h1>\n<p class=summary>{escape(summary)}</p>"
     body = "\n".join([head, *filter(None, sections)])
     page = _PAGE.format(title=escape(title), style=_STYLE, body=body)
-    write_atomic(path, page.encode("utf-8", errors="replace"))
+    return page.encode("utf-8", errors="replace")
 
 
 def section(title: str, body: str) -> str:

@@ -29,8 +29,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         ValueError: The file is no manifest, or of another version.
     """
     path = folder / MANIFEST
-    with path.open("rb") as file:
-        content = file.read(MAX_MANIFEST_BYTES + 1)
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_MANIFEST_BYTES + 1)
+    except (FileNotFoundError, NotADirectoryError):
+        found = f"it has no {MANIFEST}" if folder.is_dir() else "there is no such folder"
+        raise FileNotFoundError(f"{folder}: {found}; gslts map makes a map") from None
     try:
         manifest = json.loads(content[:MAX_MANIFEST_BYTES])
     except (ValueError, RecursionError) as error:

@@ -8,6 +8,7 @@ nothing else is read.
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import http
 import re
@@ -40,9 +41,21 @@ TOKEN = re.compile("[A-Za-z0-9_-]{16,128}")
 """A token: characters that need no quotes in a URL, and too many to be guessed."""
 COOKIE = "gslts-token"
 """Cookie of the token, so that it leaves the address of the page at once."""
+STILL = "/still"
+"""Path of a page for browsers without WebGL 2."""
+TO_STILL = f"""<script>
+if (!document.createElement("canvas").getContext("webgl2")) location.replace("{STILL}");
+</script>"""
+"""Opens that page: without WebGL 2, viser shows nothing, not even its panel."""
 
 
-def open_server(host: str, port: int, label: str, token: str | None = None) -> viser.ViserServer:
+def open_server(
+    host: str,
+    port: int,
+    label: str,
+    token: str | None = None,
+    make_still: Callable[[], bytes] = bytes,
+) -> viser.ViserServer:
     """Start a server.
 
     Args:
@@ -50,6 +63,7 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
         port: Port; 0 for a free one.
         label: Title of the panel of the page.
         token: Without which nobody sees anything; required unless the host is of `LOOPBACK`.
+        make_still: Makes the page for browsers without WebGL 2, HTML in UTF-8.
 
     Returns:
         The server; `stop` ends it.
@@ -73,7 +87,7 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
     except OSError as error:
         reason = str(error.strerror).partition(" (")[0]  # Python adds the address.
         raise OSError(f"{host}, port {port}: {reason}; give another --port or --host") from None
-    with _guarding(bound, token) as guarded:
+    with _guarding(bound, token, make_still) as guarded:
         server = viser.ViserServer(host, port, label, verbose=False)
     if not guarded:  # A viser that serves in another manner must not serve unguarded.
         server.stop()
@@ -85,19 +99,33 @@ def open_server(host: str, port: int, label: str, token: str | None = None) -> v
 
 
 @contextmanager
-def _guarding(bound: socket.socket, token: str | None) -> Iterator[list[bool]]:
+def _guarding(
+    bound: socket.socket, token: str | None, make_still: Callable[[], bytes]
+) -> Iterator[list[bool]]:
     """Let the next server of websockets, which viser starts, serve a socket with our checks."""
     serve, guarded = websockets.asyncio.server.serve, []
 
     def serve_guarded(handler: Any, _host: str, _port: int, **options: Any) -> Any:
         guarded.append(True)
         inner = options.pop("process_request")
+
+        async def process_request(connection: Any, request: Request) -> Response | None:
+            answer = check_request(request, token)
+            if answer is not None:
+                return answer
+            path = urlsplit(request.path).path
+            if path == STILL:
+                return await asyncio.to_thread(_still_answer, make_still)
+            if path != "/" or "Upgrade" in request.headers:
+                return inner(connection, request)
+            if "Accept-Encoding" in request.headers:
+                del request.headers["Accept-Encoding"]  # The code in the page is compressed.
+            return _with_still(inner(connection, request))
+
         options |= {
             "sock": bound,
             "max_size": MAX_MESSAGE_BYTES,
-            "process_request": lambda connection, request: (
-                check_request(request, token) or inner(connection, request)
-            ),
+            "process_request": process_request,
         }
         return serve(_limited(handler), **options)
 
@@ -142,9 +170,26 @@ def _is(token: str, text: str) -> bool:
     return hmac.compare_digest(token.encode(), text.encode())
 
 
+def _still_answer(make_still: Callable[[], bytes]) -> Response:
+    try:
+        page = make_still()
+    except (OSError, ValueError) as error:
+        return _answer(http.HTTPStatus.INTERNAL_SERVER_ERROR, f"The map cannot be read: {error}")
+    return _response(http.HTTPStatus.OK, page, "text/html; charset=utf-8")
+
+
+def _with_still(answer: Response) -> Response:
+    """Return the page of viser, or an error of it, with the script for browsers without WebGL 2."""
+    body = answer.body.replace(b"<head>", b"<head>" + TO_STILL.encode(), 1)
+    return _response(http.HTTPStatus(answer.status_code), body, "text/html; charset=utf-8")
+
+
 def _answer(status: http.HTTPStatus, text: str, **headers: str) -> Response:
-    body = f"{text}\n".encode()
-    fields = {"Content-Type": "text/plain", "Content-Length": str(len(body)), **headers}
+    return _response(status, f"{text}\n".encode(), "text/plain; charset=utf-8", **headers)
+
+
+def _response(status: http.HTTPStatus, body: bytes, kind: str, **headers: str) -> Response:
+    fields = {"Content-Type": kind, "Content-Length": str(len(body)), **headers}
     return Response(status.value, status.phrase, Headers(fields), body)
 
 

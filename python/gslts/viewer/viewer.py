@@ -13,6 +13,7 @@ from gslts.viewer.goals import Goal
 from gslts.viewer.guarded_server import open_server
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.page import Page
+from gslts.viewer.still_page import make_still_page
 from gslts.viewer.viewed_map import ViewedMap
 
 MAX_PATH = 1_000
@@ -54,7 +55,8 @@ class Viewer:
         self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
         self._pages: dict[int, Page] = {}
         self._path: deque[Floats] = deque(maxlen=MAX_PATH)
-        self._server: Any = open_server(host, port, self._map.name, token)
+        self._folder, self._still_lock = folder, threading.Lock()
+        self._server: Any = open_server(host, port, self._map.name, token, self._make_still)
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.get_port()}"
 
@@ -104,6 +106,10 @@ class Viewer:
             self._path.append(live.camera.world_from_camera[:3, 3])
         for page in list(self._pages.values()):
             page.show_robot(live, list(self._path))
+
+    def _make_still(self) -> bytes:
+        with self._still_lock:  # Each takes a second.
+            return make_still_page(self._folder)
 
     def _follow(self) -> None:
         problem = ""

@@ -268,7 +268,7 @@ def damage(tmp_path: Path, kind: str) -> None:
         ("other cameras", "later versions do not change those of the first one"),
         ("terminal codes", "a text has control characters"),
         ("wrong count", "has not the number of Gaussians that it tells; nothing was pulled"),
-        ("no JSON", "00000002.json: Expecting property name"),
+        ("no JSON", "00000002.json: not a version of a shared map"),
     ],
 )
 def test_a_damaged_bucket_changes_nothing(

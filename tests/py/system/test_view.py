@@ -141,6 +141,20 @@ def test_map_that_is_lost(page: Page, room: Path) -> None:
     page.page.get_by_text("The map cannot be read any more").wait_for(state="detached")
 
 
+def test_browser_without_webgl(room: Path) -> None:
+    with (
+        Viewer(room, port=0) as viewer,
+        browser_page(viewer.url, viewed_room.WITHOUT_GL) as page,
+    ):
+        page.wait_for_text("This browser has no WebGL 2")
+        page.wait_for_text("Box moved from (1000.30")
+        image = page.page.get_by_alt_text("The map from corner")
+        content = base64.b64decode(image.get_attribute("src").partition(",")[2])
+        shown = np.array(Image.open(BytesIO(content)).convert("RGB"))
+        expected = to_rgb8(render(read_map(room), viewed_room.first_view()).rgb)
+        assert psnr_db(shown / 255, expected / 255) > SAME_DB
+
+
 def test_exported_page(room: Path, tmp_path: Path) -> None:
     done = run("export", "room", "out/room.html", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

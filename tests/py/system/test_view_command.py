@@ -42,7 +42,7 @@ def test_view_serves_until_it_is_interrupted(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("none",), "none/manifest.json"),
+        (("none",), "none: it has no manifest.json; gslts map makes a map"),
         (("map@1",), "give the folder of the map, map, not one version of it"),
         (("map", "--host", "0.0.0.0"), "give a --token"),
         (("map", "--token", "secret"), "--token: must match"),

@@ -64,6 +64,7 @@ def test_token() -> None:
     try:
         assert ask(server).status == 401
         assert ask(server, "/?token=0123456789abcdeX").status == 401
+        assert ask(server, "/still").status == 401
         assert ask(server, Cookie="gslts-token=0123456789abcdeX").status == 401
         assert ask(server, Cookie="; =; gslts-token").status == 401
         with pytest.raises(Exception, match="HTTP 401"):

@@ -1,21 +1,19 @@
-"""Images and plots of the report, as data URLs."""
+"""Small images, and plots as data URLs, of the report."""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from gslts.io.images import RgbImage
+from gslts.io.data_urls import data_url
 from gslts.mapping.report.data import CurvePoint
 from gslts.mapping.report.plot import Curve, plot_svg
 from gslts.types import Floats
 
-WIDTH_PX, JPEG_QUALITY = 320, 85
-"""Maximum width of images on the page, px, and their JPEG quality."""
+WIDTH_PX = 320
+"""Maximum width of images on the page, px."""
 TRAINING, VALIDATION, GAUSSIANS = "#3b82c4", "#d9822b", "#4c9a5b"
 """Colours of the curves."""
 
@@ -44,24 +42,6 @@ def shrink(image: Any) -> Any:
     rows = ((np.arange(new_height) + 0.5) * height / new_height).astype(int)
     columns = ((np.arange(WIDTH_PX) + 0.5) * width / WIDTH_PX).astype(int)
     return image[np.ix_(rows, columns)]
-
-
-def jpeg_of(image: RgbImage) -> str:
-    """Encode an image as a data URL of JPEG.
-
-    Args:
-        image: [H,W,3].
-    """
-    return _encode(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
-
-
-def png_of(image: RgbImage) -> str:
-    """Encode an image as a data URL of PNG, for small or plain images.
-
-    Args:
-        image: [H,W,3].
-    """
-    return _encode(image, "PNG", optimize=True)
 
 
 def psnr_svg(curve: Sequence[CurvePoint]) -> str:
@@ -108,16 +88,4 @@ def histogram_svg(values: Floats, name: str) -> str:
 
 
 def _svg(text: str) -> str:
-    return _address("image/svg+xml", text.encode())
-
-
-def _encode(image: RgbImage, kind: str, **options: Any) -> str:
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, format=kind, **options)
-    return _address(f"image/{kind.lower()}", buffer.getvalue())
-
-
-def _address(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+    return data_url("image/svg+xml", text.encode())

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gslts.io.data_urls import jpeg_of, png_of
 from gslts.io.html_page import bullets, number, pairs_table, plots, section, table, write_page
 from gslts.io.images import (
     DEPTH_COLORS,
@@ -20,8 +21,6 @@ from gslts.io.images import (
 from gslts.mapping.report.data import MAX_VIEWS, CurvePoint, ReportData, View
 from gslts.mapping.report.images import (
     histogram_svg,
-    jpeg_of,
-    png_of,
     psnr_svg,
     shrink,
     size_svg,

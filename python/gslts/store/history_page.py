@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from gslts.io.html_page import bullets, number, section, table, write_page
+from gslts.io.atomic_files import write_atomic
+from gslts.io.data_urls import data_url
+from gslts.io.html_page import bullets, make_page, number, section, table
 from gslts.store.causes import UpdateCause, UpdateRecord
 from gslts.store.describe import (
     describe_event,
@@ -39,6 +40,26 @@ def write_history(
         OSError: The page cannot be written.
         ValueError: The history is damaged.
     """
+    write_atomic(path, make_history_page(store, title, sections))
+
+
+def make_history_page(
+    store: History, title: str | None = None, sections: Sequence[str] = ()
+) -> bytes:
+    """Make the page.
+
+    Args:
+        store: History of the map.
+        title: Of the page; None means the name of the folder.
+        sections: Further sections that come first, from `gslts.io.html_page.section`.
+
+    Returns:
+        HTML in UTF-8.
+
+    Raises:
+        OSError: The history cannot be read.
+        ValueError: The history is damaged.
+    """
     versions, rejections, lines = store.versions(), store.rejections(), describe_versions(store)
     updates = [version for version in versions if isinstance(version.cause, UpdateCause)]
     summary = (
@@ -52,7 +73,7 @@ def write_history(
         section("Rejected updates", bullets([_describe(rejection) for rejection in rejections])),
         section("Before and after", _images(store.folder, updates, lines)),
     ]
-    write_page(path, title or store.folder.resolve().name, summary, parts)
+    return make_page(title or store.folder.resolve().name, summary, parts)
 
 
 def _timeline(versions: Sequence[Version], lines: _Lines) -> str:
@@ -110,6 +131,6 @@ def _images(folder: Path, updates: Sequence[Version], lines: _Lines) -> str:
         path = update_image_path(folder, version.number)
         if path.exists():
             title = escape(f"Version {version.number}: {_changes(version, lines)}")
-            address = f"data:image/jpeg;base64,{b64encode(path.read_bytes()).decode()}"
+            address = data_url("image/jpeg", path.read_bytes())
             parts.append(f'<h3>{title}</h3>\n<img class=wide alt="{title}" src="{address}">')
     return "\n".join(parts)
