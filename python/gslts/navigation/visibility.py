@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import inverse_transform
-from gslts.semantics.source import SemanticSource
+from gslts.semantics.source import CANONICAL, SemanticSource
 from gslts.types import Bools, Floats, Indices
 
 DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_SHARE = 0.03, 0.025
@@ -52,9 +52,9 @@ def matching_points(points: Floats, frame: RgbdFrame, source: SemanticSource, te
         ValueError: The source cannot segment the frame.
     """
     segments = source.segments(frame)
-    to_query = segments.embeddings @ source.encode([text])[0]
-    to_rivals = segments.embeddings @ source.rivals.T
-    is_match = source.relevance(to_query, to_rivals) >= source.threshold
+    query, canonical = source.encode([text])[0], source.encode(CANONICAL)
+    to_query, to_canonical = segments.embeddings @ query, segments.embeddings @ canonical.T
+    is_match = source.relevance(to_query, to_canonical) >= source.threshold
     inside, rows, columns, _ = _project(points, frame.camera)
     labels = segments.labels[:, rows, columns]
     result: Bools = inside & np.append(is_match, False)[labels].any(axis=0)  # -1 is the last.

@@ -9,7 +9,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.masks import crop_to_mask, paint_labels
-from gslts.semantics.source import CANONICAL, MAX_LEVELS, Segments, relevance
+from gslts.semantics.source import MAX_LEVELS, Segments, relevance
 from gslts.types import Bools, Bytes, Floats32
 
 
@@ -42,11 +42,6 @@ class ClipSource:
     def dims(self) -> int:
         """Length of an embedding, D."""
         return self._encoder.dims
-
-    @property
-    def rivals(self) -> Floats32:
-        """[J,D] embeddings of the canonical phrases."""
-        return self.encode(CANONICAL)
 
     def segments(self, frame: RgbdFrame) -> Segments:
         """Return three levels of masks with embeddings; hidden masks are left out.

@@ -22,9 +22,6 @@ from gslts.semantics.source import Segments
 from gslts.semantics.text_model import TextModel
 from gslts.types import Floats32, Indices
 
-MIN_SHARE_OF_RIVAL = 0.6
-"""Minimum probability of the class of a Gaussian as a share of its likeliest class, which is not
-"nothing": masks from boxes of a chair and its table reach into each other."""
 SAME_IOU = 0.6
 """Boxes of different classes with a larger intersection over union show one object, whose class is
 uncertain."""
@@ -91,11 +88,6 @@ class DetectorSource:
         return 1 + len(self.names)
 
     @property
-    def rivals(self) -> Floats32:
-        """[J,D] all classes but "nothing"."""
-        return np.eye(self.dims, dtype=np.float32)[1:]
-
-    @property
     def codec(self) -> ClassCodec:
         """Codec of class distributions."""
         return ClassCodec(self.dims)
@@ -153,18 +145,14 @@ class DetectorSource:
                 result[row, 1 + self.names.index(understood.name)] = 1
         return result
 
-    def relevance(self, to_query: Floats32, to_rivals: Floats32) -> Floats32:
-        """Return the probability of the class of a query, where no other class is far likelier.
+    def relevance(self, to_query: Floats32, to_canonical: Floats32) -> Floats32:  # noqa: ARG002
+        """Return the probability of the class of a query.
 
         Args:
             to_query: [S] float32, this probability.
-            to_rivals: [S,J] float32, probabilities of all classes.
-
-        Returns:
-            [S] float32; 0 where another class is far likelier.
+            to_canonical: Not used: "nothing" is a class.
         """
-        is_likely = to_query >= MIN_SHARE_OF_RIVAL * to_rivals.max(axis=1)
-        return np.where(is_likely, to_query, np.float32(0))
+        return to_query
 
     def explain(self, text: str) -> str:
         """Explain which class a text means, unless it is its name.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gslts.core.gaussian_map import FloatArray, GaussianMap
-from gslts.semantics.source import Codec, SemanticSource
+from gslts.semantics.source import CANONICAL, Codec, SemanticSource
 from gslts.types import Floats32
 
 MAX_GAUSSIANS_PER_CHUNK = 1 << 14
@@ -19,7 +19,7 @@ class RelevanceScorer:
     Args:
         gaussian_map: With features of L * d numbers, a code per level.
         codec: Decodes the codes.
-        source: Of the texts and their rivals.
+        source: Encodes the canonical phrases.
 
     Raises:
         ValueError: The features do not fit the codec, or the codec does not fit the source.
@@ -38,7 +38,7 @@ class RelevanceScorer:
                 f"source gives {source.dims}-D embeddings"
             )
         self._codec = codec
-        self._rivals, self._relevance = source.rivals, source.relevance
+        self._canonical, self._relevance = source.encode(CANONICAL), source.relevance
 
     def scores(self, queries: Floats32, features: FloatArray) -> Floats32:
         """Compute the relevance of Gaussians, at the level where each is most relevant.
@@ -51,7 +51,7 @@ class RelevanceScorer:
             [Q,K] float32, 0 to 1; 0 for Gaussians without a feature at any level.
         """
         result = np.zeros((len(queries), len(features)), np.float32)
-        vectors = np.concatenate([queries, self._rivals])
+        vectors = np.concatenate([queries, self._canonical])
         for first in range(0, len(features), MAX_GAUSSIANS_PER_CHUNK):
             part = features[first : first + MAX_GAUSSIANS_PER_CHUNK]
             codes = part.astype(np.float32, copy=False).reshape(-1, self._codec.code_dims)

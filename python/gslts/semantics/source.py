@@ -128,11 +128,6 @@ class SemanticSource(Protocol):
         """Codec of the embeddings; None if it is trained on those of a map."""
         ...
 
-    @property
-    def rivals(self) -> Floats32:
-        """[J,D] float32, embeddings that compete with the one of a query for a match."""
-        ...
-
     def segments(self, frame: RgbdFrame) -> Segments:
         """Segment a frame.
 
@@ -158,12 +153,12 @@ class SemanticSource(Protocol):
         """
         ...
 
-    def relevance(self, to_query: Floats32, to_rivals: Floats32) -> Floats32:
+    def relevance(self, to_query: Floats32, to_canonical: Floats32) -> Floats32:
         """Compute relevance scores.
 
         Args:
             to_query: [S] float32, products of embeddings with that of a query.
-            to_rivals: [S,J] float32, products with `rivals`.
+            to_canonical: [S,J] float32, products with the embeddings of `CANONICAL`.
 
         Returns:
             [S] float32, between 0 and 1.
@@ -198,11 +193,6 @@ class Oracle:
     threshold = 0.62
     """Between the relevance of the right name, about 1 / (1 + exp(-1)) = 0.73, and that of another,
     about 0.5."""
-
-    @property
-    def rivals(self) -> Floats32:
-        """[J,D] embeddings of the canonical phrases."""
-        return self.encode(CANONICAL)
 
     def segments(self, frame: RgbdFrame) -> Segments:
         """Return one level of masks: the objects, with the embeddings of their types.
