@@ -10,7 +10,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
@@ -34,6 +34,8 @@ MAP_FRAME = "map"
 """Frame of all that the node publishes."""
 QUEUE = 10
 """Depth of the queues of reliable topics."""
+EVENTS = QoSProfile(depth=QUEUE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Late subscribers get the last events: which version of the map the node has loaded is one."""
 
 
 class Publishing:
@@ -62,7 +64,7 @@ class Publishing:
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "gslts/pose", QUEUE)
         self._view = node.create_publisher(Image, "gslts/view", qos_profile_sensor_data)
         self._answers = node.create_publisher(String, "gslts/answer", QUEUE)
-        self._events = node.create_publisher(String, "gslts/events", QUEUE)
+        self._events = node.create_publisher(String, "gslts/events", EVENTS)
         self._tf = self._publisher_of_tf() if config.publish_tf else None
         self._diagnostics, self._detections = None, None
         try:

@@ -35,13 +35,14 @@ from gslts.datasets.poses import inverse, pose_from_quat
 from gslts.types import Floats
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+EVENTS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RECORDED = {
     "/camera/pose": (PoseStamped, qos_profile_sensor_data),
     "/gslts/pose": (PoseWithCovarianceStamped, qos_profile_sensor_data),
     "/gslts/changes": (MarkerArray, LATCHED),
     "/gslts/grid": (OccupancyGrid, LATCHED),
     "/gslts/view": (Image, qos_profile_sensor_data),
-    "/gslts/events": (String, QoSProfile(depth=100)),
+    "/gslts/events": (String, EVENTS),
     "/gslts/answer": (String, QoSProfile(depth=100)),
 }
 """Topics that go into the bag."""
@@ -76,8 +77,8 @@ class Director:
         self._writer.open()
         for topic, (kind, qos) in RECORDED.items():
             self._record(topic, kind, qos)
-        for topic in ("/gslts/events", "/gslts/answer"):
-            node.create_subscription(String, topic, self._on_text, 100)
+        node.create_subscription(String, "/gslts/events", self._on_text, EVENTS)
+        node.create_subscription(String, "/gslts/answer", self._on_text, 100)
         node.create_subscription(PoseWithCovarianceStamped, "/gslts/pose", self._on_pose, 10)
         node.create_subscription(OccupancyGrid, "/gslts/grid", self._on_grid, LATCHED)
         for topic in ("/camera/pose", "/robot/true_pose"):
@@ -135,12 +136,20 @@ class Director:
         raise TimeoutError(f"no message with {key} {value} came within {TIMEOUT_S:g} s")
 
     def say(self, kind: str, words: str) -> None:
-        """Publish words.
+        """Publish words, when there is a node that receives them.
 
         Args:
             kind: "query", "go" or "command".
             words: To say.
+
+        Raises:
+            TimeoutError: There is none.
         """
+        end_s = time.monotonic() + TIMEOUT_S
+        while not self._words[kind].get_subscription_count():
+            if time.monotonic() > end_s:
+                raise TimeoutError(f"no node receives /gslts/{kind}")
+            time.sleep(0.1)
         self._words[kind].publish(String(data=words))
 
     def ask_robot(self, service: str) -> str:
