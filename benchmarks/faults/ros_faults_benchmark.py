@@ -72,10 +72,11 @@ def run(given: argparse.Namespace) -> dict[str, int]:
             if kill % RESTART_EVERY == RESTART_EVERY - 1:
                 stop(robot, "robot")  # Its home is as at first: so are the changes from now on.
                 robot = start(work, "robot", *robot_options)
+                director.poses.clear()
+                director.odometry_from_world()  # Waits until the robot is there.
                 for _ in range(changed):
                     director.ask_robot("change")
-            node = start_node(work)
-            director.wait("event", "version")
+            node = start_node(work, director)
             if kill % CARRY_EVERY == CARRY_EVERY - 1:
                 director.ask_robot("carry_away")
             if changed < len(events) * (kill + 1) // given.kills:
@@ -90,8 +91,7 @@ def run(given: argparse.Namespace) -> dict[str, int]:
                 node.wait()
             damaged += gslts("verify", work / "map", check=False)
         time.sleep(LEASE_S)
-        node = start_node(work)
-        director.wait("event", "version")
+        node = start_node(work, director)
         director.say("command", "round")
         director.wait("event", "done")
         stop(node, "gslts")
@@ -110,13 +110,20 @@ def run(given: argparse.Namespace) -> dict[str, int]:
     }
 
 
-def start_node(work: Path) -> subprocess.Popen[bytes]:
-    return start(
+def start_node(work: Path, director: Director) -> subprocess.Popen[bytes]:
+    """Start the node, and wait until it has loaded the map."""
+    node = start(
         work,
         "gslts",
         *("ros", "--map", str(work / "map"), "--active", "--pose", "/camera/pose"),
         *("--tilt", "/tilt_controller/commands", "--viewpoints", "12"),
     )
+    while True:
+        try:
+            director.wait("event", "version")
+            return node
+        except RuntimeError as error:  # The round of a node that was killed meanwhile.
+            print(f"before: {error}", flush=True)
 
 
 def gslts(*arguments: object, check: bool = True) -> bool:

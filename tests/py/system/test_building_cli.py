@@ -119,7 +119,7 @@ def test_json_has_times_and_changes(folder: Path, monkeypatch: pytest.MonkeyPatc
     assert kitchen["observed_s"] >= kitchen["changed_s"]
     (change,) = kitchen["changes"]
     assert (change["name"], change["robot"], change["version"]) == ("Pillow", "anna", 3)
-    assert "hall/manifest.json" in shown["rooms"]["hall"]["error"]
+    assert "hall: there is no such folder" in shown["rooms"]["hall"]["error"]
     assert shown["doors"][0] == {"rooms": ["kitchen", "hall"], "position_m": [4.05, 0.7, 0.0]}
     assert (status, error) == (1, "building.json: 1 map(s) cannot be read, named above")
 
@@ -169,7 +169,7 @@ def test_a_building_and_its_maps_lie_behind_a_url(folder: Path) -> None:
         (("show", "building.json", "--since", "soon"), "--since: expected a duration such as 90m"),
         (("query", "building.json", " "), "WORDS: expected the name of an object, got nothing"),
         (("add", "building.json", "hall", "hall"), "there is a room hall already; edit the file"),
-        (("add", "building.json", "attic", "attic"), "attic/manifest.json"),
+        (("add", "building.json", "attic", "attic"), "attic: there is no such folder"),
         (("add", "building.json", "attic", "../attic"), "../attic is outside of the folder"),
         (("add", "building.json", "a/b", "hall"), "building.json: rooms.a/b"),
         (("add", "building.json", "attic", "hall", "--transform", "wrong.txt"), "got 3"),

@@ -102,7 +102,7 @@ def test_rounded_centres_give_a_warning(tmp_path: Path) -> None:
     [
         (("map", "a.obj"), "gslts: a.obj: must end in .ply, .glb, .spz, .splat or .html"),
         (("map", "there.ply"), "gslts: there.ply is there already"),
-        (("gone", "a.ply"), "gone"),
+        (("gone", "a.ply"), "gslts: gone: No such file or directory\n"),
         (("there.ply", "a.splat"), "there.ply"),
     ],
 )

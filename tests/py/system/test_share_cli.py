@@ -74,7 +74,7 @@ def test_a_command_with_a_url_fails_with_its_own_error(folder: Path) -> None:
         (("clone", "file://nowhere", "new"), "file://nowhere: a file URL has a whole path"),
         (("clone", "file:///nowhere", "new"), "file:///nowhere: there is no such folder"),
         (("clone", "file:///nowhere", "map"), "map exists already"),
-        (("push", "nowhere", "file:///nowhere"), "No such file or directory"),
+        (("push", "nowhere", "file:///nowhere"), "nowhere: there is no such folder"),
         (("log", "file:///nowhere"), "file:///nowhere: there is no such folder"),
     ],
 )

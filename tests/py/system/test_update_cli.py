@@ -171,7 +171,7 @@ def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
         (("update", "nowhere", "--frames", "visit"), "nowhere"),
         (("update", "map", "--frames", "nowhere"), "nowhere"),
         (("update", "map", "--robot", "nowhere.json"), "nowhere.json"),
-        (("update", "visit", "--frames", "visit"), "visit/manifest.json"),
+        (("update", "visit", "--frames", "visit"), "visit: it has no manifest.json"),
         (("log", "nowhere"), "nowhere"),
         (("show", "map", "99"), "map: there is no version 99"),
         (("diff", "map", "1", "99"), "map: there is no version 99"),
