@@ -173,26 +173,37 @@ class Operation:
         self._publishing.event("built")
 
     def _gather(self, judge: Judge, memory: FrameMemory, explores: bool) -> None:
-        """Let the robot explore, or wait for the word "build"."""
+        """Let the robot explore as soon as frames come, or wait for the word "build"."""
         self._activity = "recording, there is no map yet"
         self._log("no map yet: recording; the command build makes a map of the recording")
-        if explores and self.robot is not None:
-            try:
-                can_tilt = bool(self._config.topics.tilt)
-                body = self._config.body
-                explore(self.robot, memory, body, can_tilt, self._stop, self._log)
-            except (RobotLostError, ValueError) as error:
-                self._log(f"exploration ended: {error}")
-            else:
-                self._publishing.event("explored")
-                return
         while not self._stop.is_set():
             judge.require_working()
+            if explores and memory.since(0):  # The camera may start later than the node.
+                explores = False
+                if self._explore(memory):
+                    return
             request = self.requests.take(WAIT_S)
-            if request is not None and (request.kind, request.words) == ("command", "build"):
+            if request is None:
+                continue
+            if (request.kind, request.words) == ("command", "build"):
                 return
-            if request is not None:
+            if (request.kind, request.words) == ("command", "explore") and self._goals is not None:
+                explores = True
+            else:
                 self._fail(request, "there is no map yet")
+
+    def _explore(self, memory: FrameMemory) -> bool:
+        """Let the robot explore; return whether it saw everything that it can reach."""
+        assert self.robot is not None
+        config = self._config
+        can_tilt = bool(config.topics.tilt)
+        try:
+            explore(self.robot, memory, config.body, can_tilt, self._stop, self._log)
+        except (RobotLostError, ValueError) as error:
+            self._log(f"exploration ended: {error}; the command explore goes on with it")
+            return False
+        self._publishing.event("explored")
+        return True
 
     def _keep(self) -> None:
         config, memory = self._config, FrameMemory()

@@ -166,11 +166,13 @@ class Director:
         """
         end_s = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end_s:
-            done = threading.Event()
-            future = self._services[service].call_async(Trigger.Request())
-            future.add_done_callback(lambda _, event=done: event.set())
-            if done.wait(RETRY_S) and future.result().success:
-                return str(future.result().message)
+            if self._services[service].wait_for_service(RETRY_S):
+                done = threading.Event()
+                future = self._services[service].call_async(Trigger.Request())
+                future.add_done_callback(lambda _, event=done: event.set())
+                # Asked again before it answered, a busy robot would obey twice.
+                if done.wait(end_s - time.monotonic()) and future.result().success:
+                    return str(future.result().message)
             time.sleep(RETRY_S)
         raise TimeoutError(f"the robot did not obey /robot/{service} within {TIMEOUT_S:g} s")
 
