@@ -12,7 +12,7 @@
 namespace gslts::detect {
 
 /// Number of the numbers that `region_confidence` weighs.
-inline constexpr std::size_t kRegionFeatures = 8;
+inline constexpr std::size_t kRegionFeatures = 9;
 using RegionFeatures = std::array<double, kRegionFeatures>;
 
 /// A region of similar colours in one image that the other image may not show.
