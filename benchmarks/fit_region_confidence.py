@@ -3,10 +3,10 @@
     python benchmarks/fit_region_confidence.py DATA/real_changes --swap --work WORK1 WORK2
 
 maps the first visit of each room as `gslts bench real` does, and prints what belongs into
-cpp/detect/constants.hpp, and what a fit without a room finds in it. Each later frame counts with and
-without its depth. With several folders, each gets a map of its own: maps of the same frames differ
-by machine and version, and a fit to two of them carries over better. With --swap, each later visit
-is mapped too, coarsely, and compared with the first one, where its new objects are missing; their
+cpp/detect/constants.hpp, and what a fit without a room finds in it. Each later frame counts with
+and without its depth. With several folders, each gets a map of its own: maps of the same frames
+differ by version, and a fit to two of them carries over better. With --swap, each later visit is
+mapped too, coarsely, and compared with the first one, where its new objects are missing; their
 boxes are carried over by depth. That fits the weight of the side.
 """
 
@@ -46,8 +46,8 @@ RIDGE = 10.0
 FEATURES = 9
 """Number of the features of a region."""
 MAX_OTHERS = 0.15
-"""Maximum number of other regions a frame of a room left out of the fit, on both sides. Relocations,
-of which one end may be less likely, add other reports; 0.2 are wanted."""
+"""Maximum number of other regions a frame of a room left out of the fit, on both sides. Ends of
+relocations, which may be less likely, add other reports; 0.2 are wanted."""
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7)
 """Minimum confidences of the table."""
 
@@ -77,14 +77,14 @@ class Example:
         objects: Differences in the image.
         features: [N,9].
         reports: Each region as a report, its confidence not known.
-        pixels: Sets of the regions' pixels.
+        pixels: Indices of the regions' pixels, rising.
     """
 
     room: str
     objects: list[MarkedObject]
     features: Floats
     reports: list[Report]
-    pixels: list[frozenset[int]]
+    pixels: list[Ints32]
 
     def labels(self) -> Ints32:
         """Return 1 for regions of objects that changed, 0 for errors, -1 for unclear ones."""
@@ -130,7 +130,7 @@ def example(
         objects,
         np.array([region.features for region in regions]).reshape(len(regions), FEATURES),
         [Report(SIDES[r.side], box_of(r, camera, frame.camera.width), 0.0) for r in regions],
-        [frozenset(region.pixels) for region in regions],
+        [np.array(region.pixels, np.int32) for region in regions],
     )
 
 
@@ -214,6 +214,22 @@ def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
     return np.array(weights), float(offset)
 
 
+def are_same(frame: Example, i: int, j: int) -> bool:
+    """Return True if two regions show one object, as in cpp/detect/regions.cpp.
+
+    Args:
+        frame: Regions of a frame.
+        i: Number of a region.
+        j: Number of another one.
+    """
+    common_box = iou(frame.reports[i].box_px, frame.reports[j].box_px)
+    if common_box == 0:
+        return False
+    a, b = frame.pixels[i], frame.pixels[j]
+    common = len(np.intersect1d(a, b, assume_unique=True))
+    return common_box > MAX_BOX_IOU or common > MAX_OVERLAP * min(len(a), len(b))
+
+
 def chosen(frame: Example, weights: Floats, offset: float) -> list[Report]:
     """Return the regions that remain, with their confidences, as `find_changed_regions` does.
 
@@ -225,12 +241,7 @@ def chosen(frame: Example, weights: Floats, offset: float) -> list[Report]:
     p = logistic(frame.features @ weights + offset)
     kept: list[int] = []
     for i in np.argsort(-p, kind="stable"):
-        own, box = frame.pixels[i], frame.reports[i].box_px
-        if all(
-            len(own & frame.pixels[j]) <= MAX_OVERLAP * min(len(own), len(frame.pixels[j]))
-            and iou(box, frame.reports[j].box_px) <= MAX_BOX_IOU
-            for j in kept
-        ):
+        if not any(are_same(frame, i, j) for j in kept):
             kept.append(i)
     return [Report(frame.reports[i].side, frame.reports[i].box_px, float(p[i])) for i in kept]
 

@@ -398,7 +398,7 @@ class Region:
     A region of similar colours that the other image may not show.
     """
     @property
-    def features(self) -> typing.Annotated[list[float], "FixedSize(8)"]:
+    def features(self) -> typing.Annotated[list[float], "FixedSize(9)"]:
         """
         Features of the logistic regression of its confidence.
         """
