@@ -1,11 +1,13 @@
 """Fits the weights of `gslts::detect::region_confidence` to real visits with boxes drawn by hand.
 
-    python benchmarks/fit_region_confidence.py DATA/real_changes
+    python benchmarks/fit_region_confidence.py DATA/real_changes --swap --work WORK1 WORK2
 
 maps the first visit of each room as `gslts bench real` does, and prints what belongs into
-cpp/detect/constants.hpp, and what a fit without a room finds in it. With --swap, each later visit
-is mapped too and compared with the first one, where its new objects are missing; their boxes are
-carried over by depth. That fits the weight of the side.
+cpp/detect/constants.hpp, and what a fit without a room finds in it. Each later frame counts with
+and without its depth. With several folders, each gets a map of its own: maps of the same frames
+differ by version, and a fit to two of them carries over better. With --swap, each later visit is
+mapped too, coarsely, and compared with the first one, where its new objects are missing; their
+boxes are carried over by depth. That fits the weight of the side.
 """
 
 from __future__ import annotations
@@ -22,12 +24,12 @@ from tqdm import tqdm
 
 from gslts._core import detect as _core
 from gslts.change.depth_quality import DepthQuality
-from gslts.change.detector import ChangeDetector
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.camera import Camera, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset
 from gslts.mapping.config import PRESETS
-from gslts.types import Floats, Ints32
+from gslts.types import Floats, Floats32, Ints32
 from gslts_bench.real.boxes import BoxPx, MarkedObject
 from gslts_bench.real.score import Report, found_objects, iou, other_reports
 from gslts_bench.real.visits import RealRoom, rooms_in
@@ -41,10 +43,11 @@ MAX_OVERLAP, MAX_BOX_IOU = 0.3, 0.5
 """As in cpp/detect/constants.hpp."""
 RIDGE = 10.0
 """Weight of the squared weights of features with unit variance."""
-FEATURES = 8
+FEATURES = 9
 """Number of the features of a region."""
-MAX_OTHERS = 0.2
-"""Maximum number of other reports a frame of a room left out of the fit, on both sides."""
+MAX_OTHERS = 0.15
+"""Maximum number of other regions a frame of a room left out of the fit, on both sides. Ends of
+relocations, which may be less likely, add other reports; 0.2 are wanted."""
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7)
 """Minimum confidences of the table."""
 
@@ -54,9 +57,15 @@ class RegionDetector(ChangeDetector):
 
     regions: Sequence[_core.Region] = ()
 
+    def _compare(
+        self, observed_rgb: Floats32, observed_depth: Floats32, camera: Camera, *others: Any
+    ) -> Detection:
+        self._shape = observed_depth.shape
+        return super()._compare(observed_rgb, observed_depth, camera, *others)
+
     def _changes(self, views: _core.Views, masks: _core.Masks, _depth: DepthQuality) -> Any:
         self.regions = _core.find_regions(views, masks, self.config.objects)
-        return (), (), np.zeros(1, np.int32)
+        return (), (), np.zeros(self._shape, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +75,16 @@ class Example:
     Attributes:
         room: Name of the room.
         objects: Differences in the image.
-        features: [N,8].
+        features: [N,9].
         reports: Each region as a report, its confidence not known.
-        pixels: Sets of the regions' pixels.
+        pixels: Indices of the regions' pixels, rising.
     """
 
     room: str
     objects: list[MarkedObject]
     features: Floats
     reports: list[Report]
-    pixels: list[frozenset[int]]
+    pixels: list[Ints32]
 
     def labels(self) -> Ints32:
         """Return 1 for regions of objects that changed, 0 for errors, -1 for unclear ones."""
@@ -121,21 +130,24 @@ def example(
         objects,
         np.array([region.features for region in regions]).reshape(len(regions), FEATURES),
         [Report(SIDES[r.side], box_of(r, camera, frame.camera.width), 0.0) for r in regions],
-        [frozenset(region.pixels) for region in regions],
+        [np.array(region.pixels, np.int32) for region in regions],
     )
 
 
-def visits(room: RealRoom) -> Iterator[Example]:
+def visits(room: RealRoom, *, without_depth: bool) -> Iterator[Example]:
     """Yield the frames of all later visits against the map of the first one.
 
     Args:
         room: The room.
+        without_depth: True if the frames lose their depth.
     """
     detector = RegionDetector.of_map(room.map())
-    for visit, images in tqdm(room.marked.visits.items(), room.name):
-        frames = {frame.name: frame for frame in open_dataset(room.path / visit).frames}
-        for file, objects in images.items():
-            yield example(room.name, detector, frames[Path(file).stem].read(), objects)
+    for visit in tqdm(room.marked.visits, room.name):
+        for frame, objects in room.frames(visit):
+            read = frame.read()
+            if without_depth:
+                read = replace(read, depth=np.zeros_like(read.depth))
+            yield example(room.name, detector, read, list(objects))
 
 
 def carry_box(box: BoxPx, source: RgbdFrame, target: Camera) -> BoxPx | None:
@@ -202,23 +214,34 @@ def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
     return np.array(weights), float(offset)
 
 
+def are_same(frame: Example, i: int, j: int) -> bool:
+    """Return True if two regions show one object, as in cpp/detect/regions.cpp.
+
+    Args:
+        frame: Regions of a frame.
+        i: Number of a region.
+        j: Number of another one.
+    """
+    common_box = iou(frame.reports[i].box_px, frame.reports[j].box_px)
+    if common_box == 0:
+        return False
+    a, b = frame.pixels[i], frame.pixels[j]
+    common = len(np.intersect1d(a, b, assume_unique=True))
+    return common_box > MAX_BOX_IOU or common > MAX_OVERLAP * min(len(a), len(b))
+
+
 def chosen(frame: Example, weights: Floats, offset: float) -> list[Report]:
     """Return the regions that remain, with their confidences, as `find_changed_regions` does.
 
     Args:
         frame: Regions of a frame.
-        weights: [8].
+        weights: [9].
         offset: Of the logistic regression.
     """
     p = logistic(frame.features @ weights + offset)
     kept: list[int] = []
     for i in np.argsort(-p, kind="stable"):
-        own, box = frame.pixels[i], frame.reports[i].box_px
-        if all(
-            len(own & frame.pixels[j]) <= MAX_OVERLAP * min(len(own), len(frame.pixels[j]))
-            and iou(box, frame.reports[j].box_px) <= MAX_BOX_IOU
-            for j in kept
-        ):
+        if not any(are_same(frame, i, j) for j in kept):
             kept.append(i)
     return [Report(frame.reports[i].side, frame.reports[i].box_px, float(p[i])) for i in kept]
 
@@ -294,17 +317,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder with a folder per room")
     parser.add_argument("--swap", action="store_true", help="also map the later visits")
-    parser.add_argument("--work", type=Path, default=Path("out/bench"), help="folder for the maps")
+    parser.add_argument(
+        "--work", type=Path, nargs="+", default=[Path("out/bench")], help="folders for the maps"
+    )
     arguments = parser.parse_args()
-    rooms = rooms_in(arguments.folder, PRESETS["fast"], arguments.work)
-    later = [frame for room in rooms for frame in visits(room)]
-    swapped = [frame for room in rooms for frame in swapped_visits(room)] if arguments.swap else []
-    examples = later + swapped
+    folder, works = arguments.folder, arguments.work
+    rooms = [room for work in works for room in rooms_in(folder, PRESETS["balanced"], work)]
+    later = [frame for room in rooms for frame in visits(room, without_depth=False)]
+    depthless = [frame for room in rooms for frame in visits(room, without_depth=True)]
+    swapped: list[Example] = []
+    if arguments.swap:
+        for room in rooms_in(folder, PRESETS["fast"], works[0]):
+            swapped += swapped_visits(room)
+    examples = later + depthless + swapped
     reports = left_out(examples)
     shift = operating_shift(
         [entry for entry in reports if any(entry[0] is frame for frame in later)]
     )
     print_table("Later visits in the map of the first", shifted(reports, later, shift))
+    print_table("The same without depth", shifted(reports, depthless, shift))
     print_table("First visit in maps of later ones", shifted(reports, swapped, shift))
     weights, offset = fit_examples(examples)
     print(f"\nconstexpr double kRegionOffset = {offset + shift:.3f};")

@@ -230,9 +230,9 @@ Raises:
     ValueError: A threshold is out of range, or the masks have another size.)");
   m.def("find_changed_regions", &find_surfaces<&detect::find_changed_regions>, py::arg("views"),
         py::arg("masks"), py::arg("rule"),
-        R"(Find the objects that only one of map and frame shows, by colours alone.
+        R"(Find the objects that only one of map and frame shows, by colours and coarse depth.
 
-For depth that is coarser than the steps that `find_changed_surfaces` looks for.
+For depth that is coarser than the steps that `find_changed_surfaces` looks for, or missing.
 
 Args:
     views: Frame and rendering.

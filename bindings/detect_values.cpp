@@ -112,7 +112,7 @@ Args:
     color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
     evidence: Measurements on and around it; None: all are 0.
     visibility: Visibility counts of the samples; None: unknown.
-    color_confidence: Confidence from colours alone, 0 to 1, in place of that from the rest; None:
+    color_confidence: Confidence of a region of colours, 0 to 1, in place of that from the rest; None:
         not known.
 
 Raises:

@@ -189,8 +189,8 @@ constexpr double kTinyWeight = 1e-3;
 
 // Regions (regions.cpp).
 
-/// Constants k of the fine and the coarse segmentation. Other pairs and triples from 50 to 800 find
-/// as much in real visits, within 3 points.
+/// Constants k of the fine and the coarse segmentation. Of four pairs and triples from 80 to 800,
+/// no other finds more in real visits; 100 and 300 find 5 points less.
 constexpr std::array<float, 2> kSegmentScales{150, 400};
 
 /// Step in which differences of neighbours are counted, in units of L: less than is seen.
@@ -212,21 +212,34 @@ constexpr double kMaxOverlap = 0.3;
 /// Maximum intersection over union of the boxes around two regions.
 constexpr double kMaxBoxIou = 0.5;
 
-/// Added to colour changes and contrasts before their logarithm is taken.
-constexpr double kTinyChange = 0.01;
+/// Depth steps, m, of which each alone makes regions: less than the steps of 4 cm that the depth of
+/// real visits has, as they are averaged over a few pixels, to twice as much, which parts objects.
+constexpr std::array<float, 3> kRegionSteps_m{0.03f, 0.05f, 0.08f};
+
+/// Side of the window, px, in which depth steps are averaged, and the largest one, m, that counts
+/// there: it would grow into its surroundings.
+constexpr int kStepWindow_px = 5;
+constexpr float kMaxStep_m = 0.5f;
+
+/// Median depth step of a region that counts in full, m: that of the depth itself.
+constexpr double kFullStep_m = 0.04;
+
+/// Added to colour changes and, in units of L, contrasts before their logarithm is taken.
+constexpr double kTinyChange = 0.01, kTinyContrast = 1;
 
 /// Logistic regression found by benchmarks/fit_region_confidence.py on real visits of three rooms.
-/// The offset lets 0.2 other reports a frame reach 0.5 in rooms left out of the fit.
-constexpr double kRegionOffset = 5.075;
+/// The offset lets 0.15 other regions a frame reach 0.5 in rooms left out of the fit.
+constexpr double kRegionOffset = 12.76;
 constexpr std::array<double, kRegionFeatures> kRegionWeights{
-    1.642,   // hue change
-    -0.473,  // hue change around
-    1.402,   // colour change
-    -0.769,  // contrast in the other image
-    1.812,   // thickness
-    -0.645,  // touches the edge of the image
-    -0.575,  // aspect
-    -0.053,  // in the map
+    1.739,   // hue change
+    -0.745,  // hue change around
+    1.185,   // colour change
+    0.982,   // contrast in the other image
+    -2.076,  // the same in CIELAB, in which hue counts more
+    1.969,   // thickness
+    -1.058,  // aspect
+    13.172,  // depth step
+    -1.313,  // in the map
 };
 
 // Shifts (shifts.cpp).

@@ -29,10 +29,8 @@ Side side_if_after(bool after) { return after ? Side::kAfter : Side::kBefore; }
 
 /// Median of observed - rendered depth, m; 0 if there are hardly any.
 double median_step_m(const Views& views, const cv::Mat& where) {
-  const std::vector<float> steps =
-      depth_differences(image_of(views.observed_depth, views.camera),
-                        image_of(views.rendered_depth, views.camera), where);
-  return steps.size() < kMinDepthPixels ? 0 : double(median(steps));
+  return median_difference_m(image_of(views.observed_depth, views.camera),
+                             image_of(views.rendered_depth, views.camera), where);
 }
 
 /// The surface that is nearer than its surroundings has the object.

@@ -113,6 +113,13 @@ inline std::vector<float> depth_differences(const cv::Mat& depth, const cv::Mat&
   return differences;
 }
 
+/// Returns the median of `depth_differences`, m; 0 if there are hardly any.
+inline double median_difference_m(const cv::Mat& depth, const cv::Mat& other,
+                                  const cv::Mat& where) {
+  const std::vector<float> differences = depth_differences(depth, other, where);
+  return differences.size() < kMinDepthPixels ? 0 : double(median(differences));
+}
+
 /// Returns a point in the world from its image coordinates, px, and depth, m.
 inline Eigen::Vector3d unproject(const Camera& camera, double u, double v, double depth_m) {
   return camera.world_from_camera * Eigen::Vector3d((u - camera.cx) / camera.fx * depth_m,

@@ -180,6 +180,41 @@ TEST(Regions, TwoObjectsSideBySideStayApart) {
   EXPECT_EQ(classify_changes(find_in(pair).surfaces, {}).size(), 2u);
 }
 
+ImagePair object_of_two_colors(float depth_m) {
+  ImagePair pair;
+  pair.put(In::kFrame, 60, 40, 24, 15, depth_m, 0.8f, 0.1f, 0.1f);
+  pair.put(In::kFrame, 60, 55, 24, 15, depth_m, 0.1f, 0.1f, 0.8f);
+  return pair;
+}
+
+TEST(Regions, AnObjectOfTwoColorsIsOneByItsDepth) {
+  EXPECT_EQ(classify_changes(find_in(object_of_two_colors(ImagePair::kWall_m)).surfaces, {}).size(),
+            2u);
+  const Surfaces found = find_in(object_of_two_colors(ImagePair::kWall_m - 0.1f));
+  const std::vector<ObjectChange> changes = classify_changes(found.surfaces, {});
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].type, ChangeType::kAddition);
+  EXPECT_NEAR(changes[0].after->area_px, 24 * 30, 120);
+}
+
+TEST(Regions, WhatIsNearerThanTheOtherImageIsMoreLikely) {
+  for (const In where : {In::kFrame, In::kMap}) {
+    double previous = 0;
+    for (const float step_m : {-0.04f, 0.0f, 0.02f, 0.04f}) {
+      ImagePair pair;
+      pair.put(where, 60, 40, 24, 30, ImagePair::kWall_m - step_m, 0.6f, 0.5f, 0.45f);
+      const Views views = pair.views();
+      double highest = 0;
+      for (const Region& region : find_regions(views, compute_masks(views, {}), {})) {
+        const bool own = region.side == (where == In::kFrame ? Side::kAfter : Side::kBefore);
+        if (own) highest = std::max(highest, region_confidence(region.features));
+      }
+      EXPECT_GT(highest, previous);
+      previous = highest;
+    }
+  }
+}
+
 TEST(Regions, DarkerLightIsNoChange) {
   ImagePair pair;
   for (float& color : pair.observed_rgb) color *= 0.6f;

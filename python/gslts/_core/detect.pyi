@@ -302,7 +302,7 @@ class Surface:
         color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
         evidence: Measurements on and around it; None: all are 0.
         visibility: Visibility counts of the samples; None: unknown.
-        color_confidence: Confidence from colours alone, 0 to 1, in place of that from the rest; None:
+        color_confidence: Confidence of a region of colours, 0 to 1, in place of that from the rest; None:
             not known.
     
     Raises:
@@ -398,7 +398,7 @@ class Region:
     A region of similar colours that the other image may not show.
     """
     @property
-    def features(self) -> typing.Annotated[list[float], "FixedSize(8)"]:
+    def features(self) -> typing.Annotated[list[float], "FixedSize(9)"]:
         """
         Features of the logistic regression of its confidence.
         """
@@ -578,9 +578,9 @@ def detect_gs_lts(views: Views, masks: Masks, rule: GsLtsRule) -> tuple[GsLtsCha
     """
 def find_changed_regions(views: Views, masks: Masks, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
     """
-    Find the objects that only one of map and frame shows, by colours alone.
+    Find the objects that only one of map and frame shows, by colours and coarse depth.
     
-    For depth that is coarser than the steps that `find_changed_surfaces` looks for.
+    For depth that is coarser than the steps that `find_changed_surfaces` looks for, or missing.
     
     Args:
         views: Frame and rendering.

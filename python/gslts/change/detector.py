@@ -192,7 +192,7 @@ class ChangeDetector:
 
         Args:
             frame: Its pose may err by some centimetres and degrees; it is aligned first. Without
-                fine depth, or without any, colours decide alone.
+                fine depth colours decide, with what coarse depth tells of whole regions.
 
         Raises:
             ValueError: A setting is out of range, or the frame is too small to be halved.
@@ -236,7 +236,7 @@ class ChangeDetector:
     ) -> Detection:
         """Compare the images of a frame at its true pose with a rendering.
 
-        Without fine depth colours decide alone.
+        Without fine depth colours decide, with what coarse depth tells of whole regions.
         """
         config = self.config
         options = RenderOptions(
