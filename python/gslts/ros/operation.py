@@ -39,14 +39,15 @@ from gslts.ros.shown_change import detected_changes, published_changes
 from gslts.ros.statuses import Status
 from gslts.ros.waiting import WaitingChanges
 from gslts.store.history import open_history
+from gslts.trajectory.open3d import require_open3d
 from gslts.types import Floats
+from gslts.update.config import UpdateConfig
 from gslts.viewer.beside import PagesBeside, viewer_beside
 from gslts.viewer.goals import Goal
 
 if TYPE_CHECKING:
     from gslts.ros.goals import Goals  # These two need ROS.
     from gslts.ros.publishing import Publishing
-from gslts.update.config import UpdateConfig
 
 WAIT_S = 0.1
 """Time between two tests for reports and requests, s."""
@@ -102,6 +103,7 @@ class Operation:
         Raises:
             OSError: A file cannot be read or written.
             ValueError: There is no map and none should be built, or it is damaged.
+            ImportError: A map should be built, and Open3D is missing.
             RuntimeError: A lane failed.
         """
         config = self._config
@@ -109,6 +111,7 @@ class Operation:
             if not config.map_path.exists():
                 if not config.build:
                     raise ValueError(f"{config.map_path}: there is no map; --build makes one")
+                require_open3d()  # Before minutes of recording.
                 self._build()
             if not self._stop.is_set():
                 self._keep()
