@@ -107,7 +107,7 @@ def _guarding(
 
     def serve_guarded(handler: Any, _host: str, _port: int, **options: Any) -> Any:
         guarded.append(True)
-        inner = options.pop("process_request")
+        inner: Callable[[Any, Request], Response | None] = options.pop("process_request")
 
         async def process_request(connection: Any, request: Request) -> Response | None:
             answer = check_request(request, token)
@@ -120,7 +120,8 @@ def _guarding(
                 return inner(connection, request)
             if "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]  # The code in the page is compressed.
-            return _with_still(inner(connection, request))
+            page = inner(connection, request)
+            return None if page is None else _with_still(page)
 
         options |= {
             "sock": bound,
@@ -180,7 +181,7 @@ def _still_answer(make_still: Callable[[], bytes]) -> Response:
 
 def _with_still(answer: Response) -> Response:
     """Return the page of viser, or an error of it, with the script for browsers without WebGL 2."""
-    body = answer.body.replace(b"<head>", b"<head>" + TO_STILL.encode(), 1)
+    body = bytes(answer.body).replace(b"<head>", b"<head>" + TO_STILL.encode(), 1)
     return _response(http.HTTPStatus(answer.status_code), body, "text/html; charset=utf-8")
 
 
