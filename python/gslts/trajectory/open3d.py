@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from typing import Any
 
 MISSING = "estimated poses need Open3D: pip install 'gslts[poses]'"
+"""Message if it is missing."""
 
 
 def require_open3d() -> None:

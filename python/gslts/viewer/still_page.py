@@ -20,6 +20,7 @@ MAX_VIEWS = 6
 MAX_WIDTH_PX = 640
 """Width of the images, px; those of larger cameras are reduced."""
 TITLE = "This browser has no WebGL 2: the map in images"
+"""Heading of the images."""
 
 
 def make_still_page(folder: Path) -> bytes:
