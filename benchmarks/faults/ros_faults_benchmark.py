@@ -31,6 +31,8 @@ RESTART_EVERY, CARRY_EVERY = 10, 4
 """Number of kills after which the robot restarts, and after which it is carried away."""
 
 
+READY_S = 5.0
+"""Time until a new node has received frames, s; before, a round fails."""
 LEASE_S = 25.0
 """Time after which DDS has forgotten a killed node, s: 20 s with Fast DDS."""
 
@@ -121,6 +123,7 @@ def start_node(work: Path, director: Director) -> subprocess.Popen[bytes]:
     while True:
         try:
             director.wait("event", "version")
+            time.sleep(READY_S)
             return node
         except RuntimeError as error:  # The round of a node that was killed meanwhile.
             print(f"before: {error}", flush=True)
