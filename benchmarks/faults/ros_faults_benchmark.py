@@ -29,8 +29,6 @@ KILL_S = (3.0, 40.0)
 """Time of a run before it is killed, s: from loading the map to the end of an update."""
 RESTART_EVERY, CARRY_EVERY = 10, 4
 """Number of kills after which the robot restarts, and after which it is carried away."""
-
-
 READY_S = 5.0
 """Time until a new node has received frames, s; before, a round fails."""
 LEASE_S = 25.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -55,7 +56,8 @@ class Viewer:
         self._map.blocks(self._map.newest)  # Damage is found here, and the first page is fast.
         self._pages: dict[int, Page] = {}
         self._path: deque[Floats] = deque(maxlen=MAX_PATH)
-        self._folder, self._still_lock = folder, threading.Lock()
+        self._still_lock = threading.Lock()
+        self._still = lru_cache(1)(lambda _number: make_still_page(folder))
         self._server: Any = open_server(host, port, self._map.name, token, self._make_still)
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.get_port()}"
@@ -108,8 +110,8 @@ class Viewer:
             page.show_robot(live, list(self._path))
 
     def _make_still(self) -> bytes:
-        with self._still_lock:  # Each takes a second.
-            return make_still_page(self._folder)
+        with self._still_lock:  # It takes a second, and is made once for each version.
+            return self._still(self._map.newest)
 
     def _follow(self) -> None:
         problem = ""
