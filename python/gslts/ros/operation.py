@@ -317,19 +317,24 @@ class Operation:
                 raise ValueError("there is a map already")
             elif self._goals is None:
                 raise ValueError(NEEDS_ACTIVE)
-            elif request.kind == "go":
-                result = drive_to(keeper, robot, words)
-                self._publishing.answer(errand_answer(words, "map", result))
-            elif words == "explore":
-                keeper.explore(robot)
-            elif words == "round":
-                keeper.go_round(robot, between=lambda: self._follow_goal(keeper))
             else:
-                keeper.consolidate(robot)
+                robot.observe()  # The camera may start later than the node.
+                self._drive(request, keeper, robot)
         except (ValueError, ImportError, RobotLostError) as error:
             self._fail(request, str(error))
         else:
             self._publishing.event("done", kind=request.kind, words=words)
+
+    def _drive(self, request: Request, keeper: MapKeeper, robot: RosRobot) -> None:
+        if request.kind == "go":
+            result = drive_to(keeper, robot, request.words)
+            self._publishing.answer(errand_answer(request.words, "map", result))
+        elif request.words == "explore":
+            keeper.explore(robot)
+        elif request.words == "round":
+            keeper.go_round(robot, between=lambda: self._follow_goal(keeper))
+        else:
+            keeper.consolidate(robot)
 
     def _follow_goal(self, keeper: MapKeeper) -> None:
         """Drive to what was chosen on a page, if there is something."""
