@@ -56,21 +56,20 @@ class Divider:
 
     def show_still(self) -> None:
         """Show an image until the camera moves: a page draws many Gaussians late."""
-        self._still = self._versions()[1], _camera_of(self._client.camera, self._map.origin)
-        self._client.scene.set_background_image(self._render(self._still[0]), format="jpeg")
-        self._client.flush()
+        self._still = number, camera = self._versions()[1], self._camera()
+        self._client.scene.set_background_image(self._render(number, camera), format="jpeg")
 
     def update(self) -> None:
         """Render anew, if it is on: the camera or a version has changed."""
         if self._box.value:
-            left, right = (self._render(number) for number in self._versions())
+            left, right = (self._render(number, self._camera()) for number in self._versions())
             self._rendered, self._still = (left, right), None
             self._divide()
         elif self._still is not None:
             self._update_still(*self._still)
 
     def _update_still(self, number: int, camera: Camera) -> None:
-        now = _camera_of(self._client.camera, self._map.origin)
+        now = self._camera()
         moved_m, turned_rad = pose_distance(camera.world_from_camera, now.world_from_camera)
         if number != self._versions()[1] or moved_m > STILL_M or turned_rad > STILL_RAD:
             self._still = None
@@ -78,8 +77,10 @@ class Divider:
         elif (camera.width, camera.height) != (now.width, now.height):
             self.show_still()  # The panel has opened.
 
-    def _render(self, number: int) -> RgbImage:
-        camera = _camera_of(self._client.camera, self._map.origin)
+    def _camera(self) -> Camera:
+        return _camera_of(self._client.camera, self._map.origin)
+
+    def _render(self, number: int, camera: Camera) -> RgbImage:
         return to_rgb8(render(self._map.gaussians(number), camera).rgb)
 
     def _toggle(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from gslts.core.se3 import rotation_of_quat
 from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell
-from gslts.viewer.divider import Divider
+from gslts.viewer.divider import STILL_M, Divider
 from gslts.viewer.goals import Goal
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.object_panel import ObjectPanel
@@ -28,6 +28,8 @@ from gslts.viewer.viewed_map import ViewedMap
 FIRST_GAUSSIANS = 50_000
 """Number of Gaussians that are sent first, so that the nearest in view show early. The page sorts
 all it has after each message: with more messages, all of a large map show later."""
+ANSWER_S = 2.0
+"""Maximum time that a page takes to answer, s; one that is in no window draws and answers later."""
 REST_S = 0.3
 """Time without a move after which colours are computed for the new direction, s."""
 NO_EVENT = "..."
@@ -117,12 +119,30 @@ class Page:
                 self._problem.content = paragraphs(problem)
 
     def _begin(self) -> None:
-        position, target, self._client.camera.fov = self._map.first_view()
-        self._look(position, target)
         self._build_panel()
         self._shown = self._number
-        self._divider.show_still()
+        position, target, fov_rad = self._map.first_view()
+        self._tasks.pop("camera", None)
+        with self._client.atomic():
+            self._client.camera.fov = fov_rad
+            self._look(position, target)
+            self._divider.show_still()
+        self._wait_until_at(position)
         self._show_version()
+
+    def _wait_until_at(self, position: Floats) -> None:
+        """Wait until the page answers that it is there, and so has the image that came with it.
+
+        Without a GPU, the first frame of many Gaussians takes 10 s and more: what comes with them,
+        an image or a camera, is handled after it.
+        """
+
+        def is_there() -> bool:
+            answered = "camera" in self._tasks
+            return answered and np.allclose(self._client.camera.position, position, atol=STILL_M)
+
+        with self._changed:
+            self._changed.wait_for(lambda: is_there() or not self._is_open, ANSWER_S)
 
     def _build_panel(self) -> None:
         gui, newest = self._client.gui, self._map.newest
