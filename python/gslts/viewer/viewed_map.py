@@ -73,6 +73,20 @@ class Semantics:
     queries: SemanticQueries
 
 
+def outside_view(gaussian_map: GaussianMap) -> tuple[Floats, Floats]:
+    """Choose a view of a whole map, from above and outside.
+
+    Args:
+        gaussian_map: Also an empty one.
+
+    Returns:
+        (3,) position and (3,) target, relative to the origin of the map, m.
+    """
+    means = gaussian_map.means.astype(np.float64)
+    middle, size_m = (means.mean(axis=0), means.std()) if len(means) else (np.zeros(3), 1.0)
+    return middle + size_m * np.array([0.0, -4.0, 2.0]), middle
+
+
 class ViewedMap:
     """Versions of one map, for pages in several threads.
 
@@ -173,9 +187,7 @@ class ViewedMap:
             position = pose[:3, 3] - self.origin
             fov_rad = 2 * float(np.arctan(camera.height / 2 / camera.fy))
             return position, position + 2 * pose[:3, 2], fov_rad
-        means = self.gaussians(self.newest).means.astype(np.float64)
-        middle, size_m = (means.mean(axis=0), means.std()) if len(means) else (np.zeros(3), 1.0)
-        return middle + size_m * np.array([0.0, -4.0, 2.0]), middle, DEFAULT_FOV_RAD
+        return *outside_view(self.gaussians(self.newest)), DEFAULT_FOV_RAD
 
     def changes(self, before: int, after: int) -> dict[str, tuple[Track, TrackEvent]]:
         """Return the object changes that separate two versions.
