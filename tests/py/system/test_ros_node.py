@@ -206,6 +206,15 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
         assert history.version().number == 1
 
 
+def test_a_request_waits_for_the_first_frame(ros: Ros, tmp_path: Path) -> None:
+    ros.subscribe("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    with running(ros, tmp_path, "--active"):
+        ros.publish("/gslts/command", "std_msgs/msg/String", data="round")
+        (frame,) = frames_of(home(), VIEWPOINTS[:1])
+        localized(ros, Driver(ros), frame)
+        ros.wait("/goal_pose")
+
+
 def problem_of(ros: Ros, topic: str, part: str) -> str:
     """Return the message of a topic in the diagnostics, once it has a part."""
 
