@@ -41,6 +41,7 @@ html_extra_path = ["redirect"]
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+smartquotes = False  # They turn options such as --out into –out.
 html_show_copyright = False
 
 myst_heading_anchors = 4  # As GitHub makes them: `#a-foreign-home`.
@@ -96,6 +97,7 @@ def commands() -> str:
     text = re.sub(r"^Example: (.*(?:\n.+)*)", r"```sh\n\1\n```", text, flags=re.MULTILINE)
     text = text.replace("```console\n$ ", "```text\n")
     text = text.replace("* `--help`: Show this message and exit.\n", "")
+    text = re.sub(r"\*\*Options\*\*:\s+(?=#|\*\*|\Z)", "", text)
     listed, heading, rest = text[text.index("* `map`") :].partition("\n## ")
     return re.sub(r"\* `(.+)`:", r"* [`\1`](#gslts-\1):", listed) + heading + rest
 
