@@ -41,7 +41,7 @@ html_extra_path = ["redirect"]
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
-smartquotes = False  # They turn options such as --out into –out.
+smartquotes = False  # Or two hyphens before an option become a dash.
 html_show_copyright = False
 
 myst_heading_anchors = 4  # As GitHub makes them: `#a-foreign-home`.
