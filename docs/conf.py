@@ -41,7 +41,6 @@ html_extra_path = ["redirect"]
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
-smartquotes = False  # Or two hyphens before an option become a dash.
 html_show_copyright = False
 
 myst_heading_anchors = 4  # As GitHub makes them: `#a-foreign-home`.
@@ -96,6 +95,8 @@ def commands() -> str:
     text = get_docs_for_click(obj=command, ctx=command.context_class(command), name="gslts")
     text = re.sub(r"^Example: (.*(?:\n.+)*)", r"```sh\n\1\n```", text, flags=re.MULTILINE)
     text = text.replace("```console\n$ ", "```text\n")
+    options = r"(```.*?```|`[^`\n]*`)|(--[a-z][a-z-]*)"  # As code, or "--" becomes a dash.
+    text = re.sub(options, lambda found: found[1] or f"`{found[2]}`", text, flags=re.DOTALL)
     text = text.replace("* `--help`: Show this message and exit.\n", "")
     text = re.sub(r"\*\*Options\*\*:\s+(?=#|\*\*|\Z)", "", text)
     listed, heading, rest = text[text.index("* `map`") :].partition("\n## ")
