@@ -95,7 +95,10 @@ def commands() -> str:
     text = get_docs_for_click(obj=command, ctx=command.context_class(command), name="gslts")
     text = re.sub(r"^Example: (.*(?:\n.+)*)", r"```sh\n\1\n```", text, flags=re.MULTILINE)
     text = text.replace("```console\n$ ", "```text\n")
+    options = r"(```.*?```|`[^`\n]*`)|(--[a-z][a-z-]*)"  # As code, or "--" becomes a dash.
+    text = re.sub(options, lambda found: found[1] or f"`{found[2]}`", text, flags=re.DOTALL)
     text = text.replace("* `--help`: Show this message and exit.\n", "")
+    text = re.sub(r"\*\*Options\*\*:\s+(?=#|\*\*|\Z)", "", text)
     listed, heading, rest = text[text.index("* `map`") :].partition("\n## ")
     return re.sub(r"\* `(.+)`:", r"* [`\1`](#gslts-\1):", listed) + heading + rest
 

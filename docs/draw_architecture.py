@@ -16,39 +16,39 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "docs" / "images" / "architecture.svg"
-WIDTH, LAYERS_TOP = 1320, 385
-BOX_WIDTH, BOX_HEIGHT = 155, 92
-CAPTION_CHARACTERS = 23
+WIDTH, LAYERS_TOP = 1320, 550
+BOX_WIDTH, BOX_HEIGHT = 152, 164
+CAPTION_CHARACTERS, CAPTION_LINES = 16, 7
 
 BOXES = {
-    "datasets": (20, 60),
-    "robots": (20, 205),
-    "trajectory": (215, 60),
-    "mapping": (410, 60),
-    "localization": (410, 205),
-    "change": (605, 205),
-    "update": (800, 205),
-    "extension": (970, 205),
-    "consolidation": (1140, 205),
-    "store": (605, 60),
-    "semantics": (800, 60),
-    "navigation": (970, 60),
+    "datasets": (20, 50),
+    "robots": (20, 280),
+    "trajectory": (205, 50),
+    "mapping": (390, 50),
+    "localization": (390, 280),
+    "change": (575, 280),
+    "update": (760, 280),
+    "extension": (945, 280),
+    "consolidation": (1130, 280),
+    "store": (575, 50),
+    "semantics": (760, 50),
+    "navigation": (945, 50),
 }
 """Upper left corners of the packages of the data flow, px."""
 ARROWS = (
-    ("datasets", "trajectory", "frames"),
-    ("trajectory", "mapping", "poses"),
+    ("datasets", "trajectory", ""),
+    ("trajectory", "mapping", ""),
     ("robots", "localization", "frames"),
-    ("mapping", "store", "map"),
-    ("localization", "change", "poses"),
-    ("change", "update", "changes"),
+    ("mapping", "store", ""),
+    ("localization", "change", ""),
+    ("change", "update", ""),
     ("update", "store", "version"),
     ("extension", "store", ""),
     ("consolidation", "store", ""),
     ("store", "semantics", ""),
     ("semantics", "navigation", ""),
 )
-KEEPER = (395, 188, 910, 126)
+KEEPER = (376, 266, 920, 192)
 """Frame of the packages that the keeper runs in rounds: x, y, width, height."""
 SHARED = {"core", "io", "rendering", "torch", "cli", "fleet", "keeper", "ros", "viewer"}
 """Packages that the data flow shows otherwise or not: bases, the frame, and ways to use it all."""
@@ -59,7 +59,9 @@ def caption(package: str) -> str:
     """Return the first sentence of the docstring of a package."""
     path = ROOT / "python" / package / "__init__.py"
     doc = ast.get_docstring(ast.parse(path.read_text())) or ""
-    return doc.split("\n\n")[0].replace("\n", " ").split(" (")[0].rstrip(".").replace("`", "")
+    text = doc.split("\n\n")[0].replace("\n", " ").split(" (")[0].rstrip(".").replace("`", "")
+    text = text.removeprefix(f"{Path(package).name.capitalize()}: ")
+    return text[0].upper() + text[1:]
 
 
 def wrap(text: str, width: int) -> list[str]:
@@ -75,14 +77,16 @@ def wrap(text: str, width: int) -> list[str]:
 
 def box(x: float, y: float, name: str, text: str, width: float = BOX_WIDTH) -> str:
     """Return a rectangle with the name of a package and its caption."""
-    lines = wrap(text, round(CAPTION_CHARACTERS * width / BOX_WIDTH))[:4]
+    lines = wrap(text, round(CAPTION_CHARACTERS * width / BOX_WIDTH))
+    if len(lines) > CAPTION_LINES:
+        sys.exit(f"draw_architecture: the caption of {name} has more than {CAPTION_LINES} lines")
     spans = "".join(
-        f'<text x="{x + 8}" y="{y + 36 + 14 * k}" class="caption">{escape(line)}</text>'
+        f'<text x="{x + 8}" y="{y + 44 + 18 * k}" class="caption">{escape(line)}</text>'
         for k, line in enumerate(lines)
     )
     return (
         f'<rect x="{x}" y="{y}" width="{width}" height="{BOX_HEIGHT}" rx="6" class="box"/>'
-        f'<text x="{x + 8}" y="{y + 20}" class="name">{escape(name)}</text>{spans}'
+        f'<text x="{x + 8}" y="{y + 22}" class="name">{escape(name)}</text>{spans}'
     )
 
 
@@ -121,16 +125,13 @@ def layer_rows(top: float) -> list[str]:
         width = (WIDTH - 280 - 10 * (len(row) - 1)) / len(row)
         for k, name in enumerate(row):
             x = 20 + k * (width + 10)
-            text = escape(f"{name}: {caption('gslts/' + name)}")
-            limit = int(width / 6.1)
-            shown = text if len(text) <= limit else text[: limit - 1] + "…"
             parts.append(
                 f'<rect x="{x}" y="{y}" width="{width}" height="26" rx="4" class="layer"/>'
-                f'<text x="{x + 8}" y="{y + 17}" class="caption">{shown}</text>'
+                f'<text x="{x + 8}" y="{y + 17}" class="caption">{name}</text>'
             )
         y += 32
     for k, name in enumerate(OUTSIDE):
-        parts.append(box(WIDTH - 240, top + 100 * k, name, caption(name), 220))
+        parts.append(box(WIDTH - 240, top + 180 * k, name, caption(name), 220))
     return parts
 
 
@@ -144,15 +145,15 @@ def main() -> None:
     parts = [
         '<text x="20" y="30" class="title">Data flow</text>',
         f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="10" class="keeper"/>',
-        f'<text x="{x + 8}" y="{y + height + 16}" class="label">keeper: '
-        f"{escape(caption('gslts/keeper'))}</text>",
+        f'<text x="{x + 8}" y="{y + height + 20}" class="label">keeper: '
+        f"{escape(caption('gslts/keeper').removeprefix('Map keeper: '))}</text>",
         *(arrow(*each) for each in ARROWS),
         *(box(*BOXES[name], name, caption(f"gslts/{name}")) for name in BOXES),
         *layer_rows(LAYERS_TOP),
     ]
     style = (
-        "text{font-family:system-ui,sans-serif;fill:#1b2733}.title{font-size:15px;font-weight:600}"
-        ".name{font-size:14px;font-weight:600}.caption{font-size:11px}.label{font-size:11px;"
+        "text{font-family:system-ui,sans-serif;fill:#1b2733}.title{font-size:20px;font-weight:600}"
+        ".name{font-size:18px;font-weight:600}.caption{font-size:15px}.label{font-size:15px;"
         "fill:#47586a}.box{fill:#e8f0f7;stroke:#5b7a99}.layer{fill:#f2f4f6;stroke:#b6c1cc}"
         ".keeper{fill:none;stroke:#c27b1a;stroke-width:2;stroke-dasharray:6 4}"
         ".arrow{stroke:#47586a;stroke-width:1.5;marker-end:url(#tip)}"

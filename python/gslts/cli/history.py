@@ -37,7 +37,7 @@ def log(
     """List the versions of a map, newest first, with their robots, object changes and rejections.
 
     Each change of an object is listed once: a move whose ends two versions show, in the later one.
-    Every command takes an old version of a map as MAP@NUMBER, such as out/map@2.
+    Commands that read one version take an old one as MAP@NUMBER, such as out/map@2.
 
     Example: gslts log out/map
     """

@@ -70,7 +70,7 @@ def make(
     ],
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     iterations: Annotated[
-        int | None, typer.Option(min=1, help="Optimisation steps. Default: those of the preset.")
+        int | None, typer.Option(min=1, help="Optimization steps. Default: those of the preset.")
     ] = None,
     budget_s: Annotated[
         float | None,

@@ -33,7 +33,7 @@ def run(
     map_path: WritableMap,
     robot: Annotated[
         str | None,
-        typer.Option(metavar="ROBOT", help="A simulated robot: day.json of gslts sim day."),
+        typer.Option(metavar="ROBOT", help="A simulated robot, such as day.json of gslts sim day."),
     ] = None,
     frames: Annotated[
         Path | None,

@@ -41,7 +41,7 @@ def update(
         str | None,
         typer.Option(
             metavar="ROBOT",
-            help="A simulated robot after the change: a scene change task of gslts sim tasks.",
+            help="A simulated robot after the change, such as a task of gslts sim tasks.",
         ),
     ] = None,
     frames: Annotated[

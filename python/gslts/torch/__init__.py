@@ -22,7 +22,7 @@ Options of gsplat that are not supported raise NotImplementedError; see `rasteri
 try:
     import torch  # noqa: F401
 except ModuleNotFoundError as error:
-    raise ImportError("gslts.torch needs PyTorch: pip install gslts[torch]") from error
+    raise ImportError("gslts.torch needs PyTorch: pip install 'gslts[torch]'") from error
 
 from gslts.torch.rasterize import rasterization
 

@@ -89,8 +89,8 @@ class RefineConfig(BaseModel):
         replay_views: Maximum number of training cameras of the map whose rendering before the edit
             is fitted too.
         new_visits: Steps on each new view per step on an old one.
-        patience: Number of rounds of all views,
-        min_gain: in which the loss must fall by this share; otherwise the refinement ends.
+        patience: Number of rounds of all views in which the loss must fall, or the refinement ends.
+        min_gain: Minimum share by which the loss must fall in these rounds.
         dssim_weight: Weight of 1 - SSIM against L1 of the colours.
         depth_weight: Weight of the relative error of the depth.
         means_rate, quats_rate, log_scales_rate, logit_opacities_rate, sh_rate: Initial learning

@@ -8,7 +8,7 @@ import typer
 
 Source = Annotated[
     str,
-    typer.Argument(help="kitchen, living_room or bedroom, or a .glb or .gltf file of a home."),
+    typer.Argument(help="kitchen, living_room, bedroom or flat, or a .glb or .gltf file."),
 ]
 """Argument of the commands that open a home."""
 Seed = Annotated[int, typer.Argument(min=0, help="Same seed, same home.")]
