@@ -66,8 +66,8 @@ PROBLEMS = (
     ),
 )
 """Errors that no repetition mends: texts of obstore, of S3, Azure and Google, and the next step."""
-FORBIDDEN = "403 Forbidden"
-"""Text of an error of obstore that denies a listing; others have a type of their own."""
+FORBIDDEN, NOT_FOUND = "403 Forbidden", "404 Not Found"
+"""Texts of errors of listings; those of other requests have types of their own in obstore."""
 MAX_MESSAGE = 200
 """Maximum length of a reason of a store in an error, characters."""
 
@@ -106,6 +106,7 @@ def named_errors(url: str, action: str) -> Iterator[None]:
     Raises:
         PermissionError: A repetition would fail again.
         FileExistsError: The object is there already.
+        FileNotFoundError: There is no such object or bucket.
         OSError: Any other error.
     """
     from obstore.exceptions import (  # Optional; `remote_store` says so if it is missing.
@@ -129,6 +130,8 @@ def named_errors(url: str, action: str) -> Iterator[None]:
                 f"{url}: the credentials do not permit {action}; check the URL, or ask the owner "
                 "of the bucket"
             ) from error
+        if NOT_FOUND in text:
+            raise FileNotFoundError(f"{url}: there is no such bucket") from error
         raise OSError(f"{url}: {_reason(error)}") from error
 
 

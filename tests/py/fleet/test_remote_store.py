@@ -85,14 +85,13 @@ class LateStore(RemoteStore):
 
 
 @pytest.mark.parametrize("late", range(5))
-def test_a_store_that_is_late_is_waited_for(
-    tmp_path: Path, remote: RemoteStore, late: int
-) -> None:
+def test_a_store_that_is_late_is_waited_for(tmp_path: Path, remote: RemoteStore, late: int) -> None:
     for number in (1, 2):
         remote.create_version(number, b"version")
     shown = LateStore(remote.url, late).read_versions(1, is_known=True)
     assert next(shown) == b"version"
     assert not LateStore(remote.url, late).create_version(2, b"other")
+
 
 def test_a_version_that_is_shown_after_a_later_one_is_no_gap(remote: RemoteStore) -> None:
     for number in (1, 2):
