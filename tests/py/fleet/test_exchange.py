@@ -313,6 +313,18 @@ def test_a_version_that_was_removed_from_the_bucket_is_named(
     assert clone_map(f"{url}2", tmp_path / "c").number == 4
 
 
+def test_who_filled_a_gap_notices_at_the_next_exchange(tmp_path: Path) -> None:
+    """A clone that has only the versions before a gap does not ask for those behind it."""
+    for number in (2, 3):
+        change_room(tmp_path / "a", 0, number)
+    push_map(tmp_path / "a")
+    (tmp_path / "bucket" / version_name(2)).unlink()
+    change_room(tmp_path / "b", 1, 4)
+    assert push_map(tmp_path / "b").pushed == 1
+    with pytest.raises(ValueError, match="version 3 is not the one that came before"):
+        pull_map(tmp_path / "b")
+
+
 def test_another_map_does_not_fill_a_gap(tmp_path: Path, url: str) -> None:
     for number in (2, 3):
         change_room(tmp_path / "a", 0, number)

@@ -85,7 +85,7 @@ class LateStore(RemoteStore):
 
 
 @pytest.mark.parametrize("late", range(5))
-def test_a_store_that_is_late_is_waited_for(tmp_path: Path, remote: RemoteStore, late: int) -> None:
+def test_a_store_that_is_late_is_waited_for(remote: RemoteStore, late: int) -> None:
     for number in (1, 2):
         remote.create_version(number, b"version")
     shown = LateStore(remote.url, late).read_versions(1, is_known=True)

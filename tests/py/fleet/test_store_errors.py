@@ -27,7 +27,8 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Answer]:
             self.end_headers()
             self.wfile.write(body)
 
-        do_PUT = do_GET
+        def do_PUT(self) -> None:
+            self.do_GET()
 
         def log_message(self, *_: object) -> None:
             pass
