@@ -121,6 +121,14 @@ def test_errors_of_s3_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert (tmp_path / "map" / "remote.json").read_bytes() == state
         done = gslts("clone", url, "reading", cwd=tmp_path)
         assert done.stdout == "reading is version 1: 300 Gaussians\n"
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        done = gslts("restore", url, "1", cwd=tmp_path)
+        assert done.returncode == 1
+        (cached,) = (tmp_path / "cache" / "gslts" / "maps").iterdir()
+        assert done.stderr == (
+            f"gslts: {url}: {NO_WRITING}; what was not pushed stays in {cached}: "
+            f"gslts push {cached} tries again\n"
+        )
         monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong")
         done = gslts("pull", "reading", cwd=tmp_path)
         assert "the store does not accept the credentials; check AWS_ACCESS_KEY_ID" in done.stderr
