@@ -67,13 +67,13 @@ class Day:
 
 
 def version_requests(known: int, newest: int) -> int:
-    """Return the number of version objects that a clone asks for, found or not.
+    """Return the number of version objects that a clone asks for, found or not, and of listings.
 
     Args:
         known: Newest version that the clone has in common with the shared map; 0 for none.
         newest: Newest version of the shared map.
     """
-    first, count, requests = max(1, known), 2, 0
+    first, count, requests = max(1, known), 2, int(known == 0)
     while True:
         requests += count
         if first + count - 1 > newest:

@@ -58,7 +58,7 @@ class Meter:
     @contextmanager
     def counting(self) -> Iterator[None]:
         """Count the requests of this process."""
-        get, put = obstore.get, obstore.put
+        get, put, list_objects = obstore.get, obstore.put, obstore.list
 
         def counted_get(store: Any, name: str) -> Any:
             self._count(1, 0)
@@ -70,11 +70,15 @@ class Meter:
             self._count(1, len(content))
             return put(store, name, content, **options)
 
-        obstore.get, obstore.put = counted_get, counted_put
+        def counted_list(store: Any, **options: Any) -> Any:
+            self._count(1, 0)
+            return list_objects(store, **options)
+
+        obstore.get, obstore.put, obstore.list = counted_get, counted_put, counted_list
         try:
             yield
         finally:
-            obstore.get, obstore.put = get, put
+            obstore.get, obstore.put, obstore.list = get, put, list_objects
 
     def _count(self, requests: int, size: int) -> None:
         with self._lock:

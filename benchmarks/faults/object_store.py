@@ -14,7 +14,9 @@ import base64
 import hashlib
 import hmac
 import http.client
+import json
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -82,12 +84,14 @@ class StoreProgram:
 
         Args:
             port: Of the store, or of a proxy in front of it.
-            read_only: Give credentials that only allow to read; of Azure alone.
+            read_only: Give credentials that only allow to read. The S3 server checks credentials
+                from then on, and knows no others.
         """
         if self is S3:
+            name, secret = _reading_user(int(port)) if read_only else (ACCOUNT, KEY)
             return {
-                "AWS_ACCESS_KEY_ID": ACCOUNT,
-                "AWS_SECRET_ACCESS_KEY": KEY,
+                "AWS_ACCESS_KEY_ID": name,
+                "AWS_SECRET_ACCESS_KEY": secret,
                 "AWS_ENDPOINT": f"http://127.0.0.1:{port}",
                 "AWS_ALLOW_HTTP": "true",
                 "AWS_REGION": "us-east-1",
@@ -196,6 +200,46 @@ def _reading_token() -> str:
     )
     fields = {"sv": version, "sr": "c", "sp": "r", "st": start, "se": end, "sig": _sign(text)}
     return urlencode(fields)
+
+
+def _reading_user(port: int) -> tuple[str, str]:
+    """Make a user of moto that may read the bucket, and return the name and secret of its key."""
+    allowed = {"Effect": "Allow", "Action": ["s3:GetObject", "s3:ListBucket"], "Resource": "*"}
+    policy = json.dumps({"Version": "2012-10-17", "Statement": [allowed]})
+    user = {"UserName": "reader"}
+    _post_iam(port, {"Action": "CreateUser", **user})
+    _post_iam(
+        port,
+        {"Action": "PutUserPolicy", **user, "PolicyName": "read", "PolicyDocument": policy},
+    )
+    answer = _post_iam(port, {"Action": "CreateAccessKey", **user})
+    _post(port, "/moto-api/reset-auth", "0", {"Content-Type": "text/plain"})
+    name, secret = (
+        re.findall(f"<{field}>(.*)</{field}>", answer)[0]
+        for field in ("AccessKeyId", "SecretAccessKey")
+    )
+    return name, secret
+
+
+def _post_iam(port: int, fields: dict[str, str]) -> str:
+    """Ask moto's IAM, which is chosen by the scope of the signature."""
+    scope = "Credential=any/20260101/us-east-1/iam/aws4_request"
+    headers = {
+        "Authorization": f"AWS4-HMAC-SHA256 {scope}, SignedHeaders=host, Signature=none",
+        "Content-Type": "application/x-www-form-urlencoded",
+    }
+    return _post(port, "/", urlencode({**fields, "Version": "2010-05-08"}), headers)
+
+
+def _post(port: int, path: str, body: str, headers: dict[str, str]) -> str:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=START_S)
+    connection.request("POST", path, body, headers)
+    response = connection.getresponse()
+    answer = response.read().decode()
+    connection.close()
+    if response.status != http.client.OK:
+        raise OSError(f"moto: {path}: status {response.status}")
+    return answer
 
 
 def _sign(text: str) -> str:

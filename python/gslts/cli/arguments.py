@@ -39,9 +39,10 @@ def _push(path: Path) -> None:
     try:
         done = push_map(path)
     except (OSError, ValueError) as error:
+        text = f"{error}; what was not pushed stays in {path}: gslts push {path} tries again"
         if not failed:
-            raise
-        print(f"gslts: not pushed: {error}", file=sys.stderr)  # The command has its own error.
+            raise OSError(text) from error
+        print(f"gslts: not pushed: {text}", file=sys.stderr)  # The command has its own error.
         return
     for reason in done.given_up:
         typer.echo(f"given up: {reason}")

@@ -31,8 +31,8 @@ RETRIES: RetryConfig = {
     },
 }
 """Repetition of requests that failed for a reason that may pass, within obstore."""
-CREATE_ATTEMPTS, CREATE_WAIT_S = 6, 0.2
-"""Maximum number of attempts to learn if a version object was created, when answers are lost or a
+ATTEMPTS, WAIT_S = 6, 0.2
+"""Maximum number of attempts to learn if a version object is there, when answers are lost or a
 store shows new objects late, and the wait after the first one, s; it doubles each time: 6 s."""
 MAX_RACES = 100
 """Maximum number of times that other robots may be faster in a row before a push gives up. Somebody

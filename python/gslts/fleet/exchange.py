@@ -174,7 +174,8 @@ def _fetch(
     first = max(1, state.number)
     origin = None if replica is None else replica.origin()
     number, digest = first - 1, None
-    for number, content in enumerate(remote.read_versions(first), start=first):
+    contents = remote.read_versions(first, is_known=state.number > 0)
+    for number, content in enumerate(contents, start=first):
         shared = parse_shared_version(content, f"{remote.url}/{version_name(number)}", number)
         if origin is not None and shared.origin != origin:
             raise ValueError(
@@ -189,6 +190,8 @@ def _fetch(
         origin = shared.origin
         if number > state.number:
             yield _Fetched(shared, RemoteState(url=remote.url, number=number, digest=digest))
+    if state.number == 0:  # Later pulls do without this request.
+        remote.check_end(number)
     if number < state.number:
         raise FileNotFoundError(
             f"{remote.url}: version {state.number} is missing, which it had before; check the URL "

@@ -8,53 +8,40 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from gslts.fleet.constants import (
+    ATTEMPTS,
     CONNECTIONS,
-    CREATE_ATTEMPTS,
-    CREATE_WAIT_S,
     MAX_BLOB_BYTES,
     MAX_COMPRESSED_BYTES,
     MAX_PROBES,
     MAX_VERSION_BYTES,
     RETRIES,
+    WAIT_S,
 )
+from gslts.fleet.store_errors import named_errors, require_endpoint
 from gslts.fleet.url import require_url
 from gslts.io.atomic_files import write_atomic
 from gslts.store.records import Blob
 
 try:
     import obstore
-    from obstore.exceptions import (
-        AlreadyExistsError,
-        BaseError,
-        PermissionDeniedError,
-        UnauthenticatedError,
-    )
     from obstore.store import LocalStore, from_url
 except ImportError as error:
     raise ImportError("shared maps need obstore: pip install 'gslts[fleet]'") from error
 
-CREDENTIALS = {
-    "s3": "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
-    "gs": "GOOGLE_APPLICATION_CREDENTIALS",
-    "az": "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
-}
-"""Environment variables of credentials, by scheme."""
-NO_CREDENTIALS = re.compile("169\\.254\\.169\\.254|Account must be specified|MissingAccount")
-"""Errors of obstore without credentials: it asks the host of a virtual machine for some."""
+
+VERSION_NAME = re.compile("versions/(\\d{8})\\.json")
+"""Names of version objects."""
 MAX_OVERHEAD_BYTES = 4096
 """Maximum number of bytes by which compression may enlarge a blob; zlib's worst case is smaller."""
-MAX_MESSAGE = 200
-"""Maximum length of a reason of a store in an error, characters."""
 
 
 class RemoteStore:
-    """Version objects and blobs of one shared map. Listings are not used: they may be late.
+    """Version objects and blobs of one shared map. Listings may be late: none is relied on.
 
     Args:
         url: Of the map: s3://, gs://, az:// or file://. Credentials come from the environment.
@@ -68,7 +55,8 @@ class RemoteStore:
     def __init__(self, url: str, *, create: bool = False) -> None:
         self.url = require_url(url)
         parts = urlsplit(self.url)
-        with self._named_errors():
+        require_endpoint(self.url)
+        with named_errors(self.url, "reading"):
             if parts.scheme == "file":
                 folder = Path(unquote(parts.path))
                 if not create and not folder.is_dir():
@@ -107,7 +95,7 @@ class RemoteStore:
             ValueError: The object is too large.
         """
         try:
-            with self._named_errors():
+            with named_errors(self.url, "reading"):
                 found = obstore.get(self._store, name)
                 if found.meta["size"] > max_bytes:
                     raise ValueError(f"{self.url}/{name}: larger than {max_bytes} bytes")
@@ -115,29 +103,73 @@ class RemoteStore:
         except FileNotFoundError:
             return None
 
-    def read_versions(self, first: int) -> Iterator[bytes]:
+    def read_versions(self, first: int, *, is_known: bool = False) -> Iterator[bytes]:
         """Read version objects until one is missing.
 
         Args:
             first: Number of the first version to read.
+            is_known: The first version was there before: a store that is late is waited for.
 
         Yields:
             Their contents.
 
         Raises:
-            OSError: The store cannot be read.
+            OSError: The store cannot be read, or a later version is there.
             ValueError: An object is too large.
         """
         count = 2
         while True:
             numbers = range(first, first + count)
-            with ThreadPoolExecutor(CONNECTIONS) as pool:
-                contents = list(pool.map(self.read_version, numbers))
-            for content in contents:
+            contents = self._read_batch(numbers)
+            if is_known and contents[first] is None and self._appears(first):
+                contents = self._read_batch(numbers)
+            is_known = False
+            for number, content in contents.items():
                 if content is None:
+                    self._check_gap(number, [n for n in numbers if contents[n] is not None])
                     return
                 yield content
             first, count = first + count, min(2 * count, MAX_PROBES)
+
+    def check_end(self, number: int) -> None:
+        """Check by a listing that no later versions follow a missing one.
+
+        A listing that is late, or that the credentials do not permit, finds nothing.
+
+        Args:
+            number: Of the last version before the first missing one.
+
+        Raises:
+            OSError: The store cannot be read, or a later version is there.
+        """
+        try:
+            with named_errors(self.url, "listing"):
+                found = obstore.list(
+                    self._store, prefix="versions/", offset=version_name(number + 1)
+                )
+                names = [VERSION_NAME.fullmatch(item["path"]) for item in next(iter(found), ())]
+        except (PermissionError, FileNotFoundError):
+            return
+        self._check_gap(number + 1, [int(name[1]) for name in names if name])
+
+    def _read_batch(self, numbers: Sequence[int]) -> dict[int, bytes | None]:
+        with ThreadPoolExecutor(CONNECTIONS) as pool:
+            return dict(zip(numbers, pool.map(self.read_version, numbers), strict=True))
+
+    def _appears(self, number: int) -> bool:
+        """Return whether a version is there, or comes soon: stores may show new objects late."""
+        return any(self.read_version(number) is not None for _ in _attempts())
+
+    def _check_gap(self, missing: int, present: Sequence[int]) -> None:
+        """Raise an error if a version is missing although a later one is there."""
+        later = min((number for number in present if number > missing), default=None)
+        if later is None or self.read_version(later) is None or self._appears(missing):
+            return
+        raise FileNotFoundError(
+            f"{self.url}: version {missing} is missing, but version {later} is there; restore "
+            f"{version_name(missing)} from a backup of the bucket, or push a clone that has "
+            f"version {later} to a new URL"
+        )
 
     def create_version(self, number: int, content: bytes) -> bool:
         """Create a version object, unless there is one of this number.
@@ -152,11 +184,11 @@ class RemoteStore:
         Raises:
             OSError: The store cannot be written, or does not tell if the object is there.
         """
-        name, wait_s = version_name(number), CREATE_WAIT_S
+        name = version_name(number)
         failure: OSError | None = None
-        for _ in range(CREATE_ATTEMPTS):
+        for _ in _attempts():
             try:
-                with self._named_errors():
+                with named_errors(self.url, "writing"):
                     obstore.put(self._store, name, content, mode="create", use_multipart=False)
                 return True
             except FileExistsError as error:
@@ -172,8 +204,6 @@ class RemoteStore:
             there = self.read_version(number)
             if there is not None:
                 return there == content
-            time.sleep(wait_s)
-            wait_s *= 2
         raise OSError(f"{failure}; nothing of version {number} is lost here: push again")
 
     def upload(self, files: Sequence[tuple[Blob, Path]]) -> None:
@@ -216,7 +246,7 @@ class RemoteStore:
         if not _is(content, blob):
             raise ValueError(f"{path}: damaged: its checksum is not that of its version")
         try:
-            with self._named_errors():
+            with named_errors(self.url, "writing"):
                 obstore.put(self._store, blob_name(blob), _compress(content))
         except FileNotFoundError as error:
             raise FileNotFoundError(
@@ -230,7 +260,7 @@ class RemoteStore:
         if blob.size > MAX_BLOB_BYTES:
             raise ValueError(f"{self.url}/{name}: larger than {MAX_BLOB_BYTES} bytes")
         try:
-            with self._named_errors():
+            with named_errors(self.url, "reading"):
                 found = obstore.get(self._store, name)
                 is_small = found.meta["size"] <= blob.size + MAX_OVERHEAD_BYTES
                 content = _decompress(bytes(found.bytes()), blob.size) if is_small else b""
@@ -244,24 +274,13 @@ class RemoteStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, content)
 
-    @contextmanager
-    def _named_errors(self) -> Iterator[None]:
-        """Raise errors of obstore as OSError in one line with the URL."""
-        try:
-            yield
-        except AlreadyExistsError as error:
-            raise FileExistsError(f"{self.url}: {_reason(error)}") from error
-        except (PermissionDeniedError, UnauthenticatedError) as error:
-            raise PermissionError(
-                f"{self.url}: not permitted; check the credentials, and the clock of this machine"
-            ) from error
-        except BaseError as error:
-            if NO_CREDENTIALS.search(str(error)):
-                variables = CREDENTIALS[urlsplit(self.url).scheme]
-                raise PermissionError(
-                    f"{self.url}: there are no credentials: set {variables}"
-                ) from error
-            raise OSError(f"{self.url}: {_reason(error)}") from error
+
+def _attempts() -> Iterator[int]:
+    """Yield the numbers of some attempts, with a wait between them that doubles each time."""
+    yield 0
+    for attempt in range(1, ATTEMPTS):
+        time.sleep(WAIT_S * 2 ** (attempt - 1))
+        yield attempt
 
 
 def version_name(number: int) -> str:
@@ -298,11 +317,3 @@ def _decompress(content: bytes, size: int) -> bytes:
 
 def _is(content: bytes, blob: Blob) -> bool:
     return len(content) == blob.size and hashlib.sha256(content).hexdigest() == blob.key
-
-
-def _reason(error: BaseException) -> str:
-    """Return the reason of an error of obstore: its first line without times and XML."""
-    text = re.sub(r" in [\d.]+.?s\b.*? - ", ": ", str(error).split("\n", 1)[0]).split("<?xml")[0]
-    if "error sending request" in text:
-        return "the store cannot be reached; check the network, the endpoint and the URL"
-    return text.strip(" :")[:MAX_MESSAGE]

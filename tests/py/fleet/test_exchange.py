@@ -11,6 +11,7 @@ from synthetic_rooms import write_rooms
 
 from gslts.cli.history import gc
 from gslts.fleet.exchange import clone_map, pull_map, push_map
+from gslts.fleet.remote_store import version_name
 from gslts.fleet.state import read_remote_state
 from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCause
 from gslts.store.history import INDEX
@@ -18,7 +19,13 @@ from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Version
 
-pytestmark = pytest.mark.usefixtures("url")
+pytestmark = pytest.mark.usefixtures("url", "no_wait")
+
+
+@pytest.fixture
+def no_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask again at once where a store may be late."""
+    monkeypatch.setattr("gslts.fleet.remote_store.WAIT_S", 0.0)
 
 
 @pytest.fixture
@@ -287,6 +294,47 @@ def test_a_damaged_bucket_changes_nothing(
     assert versions_of(tmp_path / "b") == before
     assert not (tmp_path / "c").exists()
     assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("removed", [1, 2, 3])
+def test_a_version_that_was_removed_from_the_bucket_is_named(
+    tmp_path: Path, url: str, removed: int
+) -> None:
+    """New clones stop at it; a clone that has it heals the map under another URL."""
+    for number in (2, 3, 4):
+        change_room(tmp_path / "a", 0, number)
+    push_map(tmp_path / "a")
+    (tmp_path / "bucket" / version_name(removed)).unlink()
+    message = f"version {removed} is missing, but version {removed + 1} is there"
+    with pytest.raises(FileNotFoundError, match=message):
+        clone_map(url, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+    push_map(tmp_path / "a", f"{url}2")
+    assert clone_map(f"{url}2", tmp_path / "c").number == 4
+
+
+def test_who_filled_a_gap_notices_at_the_next_exchange(tmp_path: Path) -> None:
+    """A clone that has only the versions before a gap does not ask for those behind it."""
+    for number in (2, 3):
+        change_room(tmp_path / "a", 0, number)
+    push_map(tmp_path / "a")
+    (tmp_path / "bucket" / version_name(2)).unlink()
+    change_room(tmp_path / "b", 1, 4)
+    assert push_map(tmp_path / "b").pushed == 1
+    with pytest.raises(ValueError, match="version 3 is not the one that came before"):
+        pull_map(tmp_path / "b")
+
+
+def test_another_map_does_not_fill_a_gap(tmp_path: Path, url: str) -> None:
+    for number in (2, 3):
+        change_room(tmp_path / "a", 0, number)
+    push_map(tmp_path / "a")
+    for number in (1, 2):
+        (tmp_path / "bucket" / version_name(number)).unlink()
+    write_rooms(tmp_path / "new")
+    with pytest.raises(FileNotFoundError, match="version 1 is missing, but version 3 is there"):
+        push_map(tmp_path / "new", url)
+    assert not (tmp_path / "bucket" / version_name(1)).exists()
 
 
 def test_a_bucket_that_is_gone_or_was_emptied_is_named(tmp_path: Path, url: str) -> None:

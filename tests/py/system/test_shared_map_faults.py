@@ -25,6 +25,7 @@ def needs(program: StoreProgram) -> pytest.MarkDecorator:
 
 STORES = ["folder", *(pytest.param(name, marks=needs(PROGRAMS[name])) for name in PROGRAMS)]
 URL = f"{AZURITE.bucket}/rooms"
+NO_WRITING = "the credentials do not permit writing; check the URL, or ask the owner of the bucket"
 
 
 @pytest.mark.parametrize("store", STORES)
@@ -80,9 +81,7 @@ def test_errors_of_a_store_are_one_line(
     )
     reading = AZURITE.environment(store, read_only=True)
     monkeypatch.setenv("AZURE_STORAGE_SAS_KEY", reading["AZURE_STORAGE_SAS_KEY"])
-    assert failed("push", "map") == (
-        f"gslts: {URL}: not permitted; check the credentials, and the clock of this machine\n"
-    )
+    assert failed("push", "map") == f"gslts: {URL}: {NO_WRITING}\n"
     assert (
         gslts("clone", URL, "clone", cwd=tmp_path).stdout == "clone is version 1: 300 Gaussians\n"
     )
@@ -113,6 +112,26 @@ def test_errors_of_s3_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             done = gslts(*arguments, cwd=tmp_path)
             assert (done.returncode, done.stdout) == (1, "")
             assert done.stderr == f"gslts: {absent}: {message}\n"
+        change_room(tmp_path / "map", 0)
+        state = (tmp_path / "map" / "remote.json").read_bytes()
+        for name, value in S3.environment(port, read_only=True).items():
+            monkeypatch.setenv(name, value)
+        done = gslts("push", "map", cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (1, f"gslts: {url}: {NO_WRITING}\n")
+        assert (tmp_path / "map" / "remote.json").read_bytes() == state
+        done = gslts("clone", url, "reading", cwd=tmp_path)
+        assert done.stdout == "reading is version 1: 300 Gaussians\n"
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        done = gslts("restore", url, "1", cwd=tmp_path)
+        assert done.returncode == 1
+        (cached,) = (tmp_path / "cache" / "gslts" / "maps").iterdir()
+        assert done.stderr == (
+            f"gslts: {url}: {NO_WRITING}; what was not pushed stays in {cached}: "
+            f"gslts push {cached} tries again\n"
+        )
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong")
+        done = gslts("pull", "reading", cwd=tmp_path)
+        assert "the store does not accept the credentials; check AWS_ACCESS_KEY_ID" in done.stderr
     done = gslts("pull", "map", cwd=tmp_path)
     assert done.stderr == (
         f"gslts: {url}: the store cannot be reached; check the network, the endpoint and the URL\n"

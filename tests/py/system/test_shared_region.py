@@ -14,11 +14,19 @@ import gslts
 from gslts.fleet.exchange import pull_map, push_map
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map
+from gslts_sim.controller import Controller
 from gslts_sim.home import Home
 
 
-def updated(name: str, home: Home) -> Path:
-    """Return a clone of the map of the room, updated by a robot in a home; made once a run."""
+def updated(name: str, home: Home, start: int = 0, noise: str = "none") -> Path:
+    """Return a clone of the map of the room, updated by a robot in a home; made once a run.
+
+    Args:
+        name: Of the robot.
+        home: To look at.
+        start: Row of the viewpoint from which the robot sees the change first.
+        noise: Of its sensor.
+    """
 
     def make(folder: Path) -> None:
         origin = made_once("shared_room", write_shared_room)
@@ -26,9 +34,11 @@ def updated(name: str, home: Home) -> Path:
         shutil.copytree(origin / "map", folder / "map")
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("GSLTS_ROBOT", name)
+            robot = Controller(home, **change_room.SIZE, noise=noise, seed=start)
+            robot.go(change_room.VIEWPOINTS[start])
             done = gslts.update_map(
                 folder / "map",
-                update_room.robot_in(home),
+                robot,
                 update_room.UPDATE,
                 detection=change_room.CONFIG,
             )
@@ -64,6 +74,47 @@ def test_a_change_that_the_map_shows_already_is_given_up(shared: Path) -> None:
     done = push_map(second, url)
     assert done.given_up == ("the map shows it already, since version 2 of first",)
     assert done.pushed == 0
+    assert_same(read_map(first), read_map(second))
+
+
+@pytest.mark.parametrize("kind", ["addition", "relocation"])
+def test_a_change_that_two_robots_saw_differently_is_there_once(
+    shared: Path, kind: update_room.Kind
+) -> None:
+    """Other viewpoints and noisy depth give the second robot other Gaussians of the object."""
+    home = update_room.changed_home(kind)
+    first, second = join(
+        shared,
+        updated(f"exact_{kind}", home),
+        updated(f"noisy_{kind}", home, start=1, noise="kinect"),
+    )
+    assert_gives_up(shared, first, second)
+
+
+@pytest.mark.parametrize("shift_m", [0.02, 0.05, 0.1])
+def test_a_change_that_two_robots_saw_at_other_positions_is_there_once(
+    shared: Path, shift_m: float
+) -> None:
+    """The position of one robot in the map was wrong by so much."""
+    room = change_room.home()
+    elsewhere = change_room.thing("Box|3", 2.6 + shift_m, 1.7, change_room.YELLOW, "Block|1")
+    home = replace(room, objects=(*room.objects, elsewhere))
+    first, second = join(
+        shared,
+        updated("yellow", update_room.changed_home("addition")),
+        updated(f"yellow_{shift_m}", home),
+    )
+    assert_gives_up(shared, first, second)
+
+
+def assert_gives_up(shared: Path, first: Path, second: Path) -> None:
+    """Assert that the only change of the second clone is given up for that of the first one."""
+    url = f"file://{shared}/bucket"
+    push_map(first, url)
+    with open_map(first) as seen, open_map(second) as seen_otherwise:
+        assert seen.version().delta != seen_otherwise.version().delta
+    done = push_map(second, url)
+    assert (done.pushed, done.replayed, len(done.given_up)) == (0, 0, 1)
     assert_same(read_map(first), read_map(second))
 
 
