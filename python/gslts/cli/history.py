@@ -148,7 +148,9 @@ def verify(map_path: MapFolder) -> None:
         typer.echo(problem, err=True)
     if problems:
         raise RuntimeError(f"{map_path}: {len(problems)} problem(s), named above")
-    typer.echo(f"{len(versions)} versions are intact")
+    typer.echo(
+        "1 version is intact" if len(versions) == 1 else f"{len(versions)} versions are intact"
+    )
 
 
 def gc(

@@ -40,7 +40,7 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     poses = [camera.world_from_camera for camera in cameras.values()]
     for pose in landmarks.world_from_keyframe:
         assert any(np.allclose(pose, known) for known in poses), "of a held-out frame"
-    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are intact\n"
+    assert run("verify", "map", cwd=tmp_path).stdout == "1 version is intact\n"
     done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = json.loads(done.stdout)
