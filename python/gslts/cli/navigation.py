@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.arguments import MapFolder, TextModelFolder
+from gslts.cli.arguments import Map, MapFolder, TextModelFolder
 from gslts.cli.mapping import BAR
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ Step = Annotated[
 
 
 def semantic_map(
-    map_path: MapFolder,
+    map_path: Map,
     out: Annotated[Path, typer.Option(help="Folder for map.png, map.pgm and map.yaml.")],
     category: Annotated[
         list[str] | None, typer.Option(help="A layer, such as Mug; repeat for more.")
