@@ -16,7 +16,7 @@ class _Variables:
 
     Attributes:
         credentials: Those with the credentials.
-        endpoint: The one with the URL of a store of one's own.
+        endpoint: The one with the URL of a store of one's own, or how such ones begin.
         allow_http: The one that allows such a URL without TLS.
     """
 
@@ -84,12 +84,12 @@ def require_endpoint(url: str) -> None:
     variables = VARIABLES.get(urlsplit(url).scheme)
     if variables is None:
         return
-    found = os.environ.get(variables.endpoint, "")
-    if found and not re.fullmatch("https?://[^\\s/].*", found):
-        raise ValueError(
-            f"{variables.endpoint}: {found!r} is no endpoint; expected https:// or http://, and "
-            "the host"
-        )
+    for name, value in os.environ.items():  # AWS_ENDPOINT_URL serves as AWS_ENDPOINT does.
+        is_endpoint = name.startswith(variables.endpoint) and bool(value)
+        if is_endpoint and not re.fullmatch("https?://[^\\s/].*", value):
+            raise ValueError(
+                f"{name}: {value!r} is no endpoint; expected https:// or http://, and the host"
+            )
 
 
 @contextmanager

@@ -116,7 +116,12 @@ def test_a_wrong_endpoint_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("AWS_ALLOW_HTTP")
     with pytest.raises(PermissionError, match="AWS_ENDPOINT has no TLS; give an https:// URL, or"):
         RemoteStore(URLS["s3"]).read_version(1)
-    for name, scheme in (("AWS_ENDPOINT", "s3"), ("AZURE_STORAGE_ENDPOINT", "az")):
+    for name, scheme in (
+        ("AWS_ENDPOINT", "s3"),
+        ("AWS_ENDPOINT_URL", "s3"),
+        ("AZURE_STORAGE_ENDPOINT", "az"),
+    ):
+        monkeypatch.delenv("AWS_ENDPOINT", raising=False)
         for wrong in ("minio:9000", "http://", "ftp://host"):
             monkeypatch.setenv(name, wrong)
             with pytest.raises(ValueError, match=f"{name}: '{wrong}' is no endpoint"):
