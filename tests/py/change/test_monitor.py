@@ -109,7 +109,7 @@ def boxed(x: float, half_m: float, confidence: float = 0.9) -> Change:
 
 
 def test_boxes_tell_which_of_two_near_changes_is_seen_again() -> None:
-    """Test a bowl whose point errs, and a peach in it that the first frame does not part from it."""
+    """Test a bowl whose point errs, and a peach in it that the first frame does not tell apart."""
     frames = [
         [boxed(1.0, 0.1)],
         [boxed(1.05, 0.1), boxed(1.02, 0.02)],
@@ -176,7 +176,7 @@ def test_an_end_of_a_plain_relocation_is_not_reported_beside_it() -> None:
 
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_an_object_that_came_beside_a_moved_one_is_reported_too(confidence: float) -> None:
-    """One frame shows both, so that the addition is no end of the relocation."""
+    """A frame shows both, so that the addition is no end of the relocation."""
     before, after = (tuple(np.array([x, -0.1, h]) for h in (0.9, 1.1)) for x in (1.0, 3.0))
     moved = Change("relocation", 0.9, np.array([3.0, 0.0, 1.0]), (before, after))
     both = sorted((moved, change(3.2, confidence=confidence)), key=lambda c: -c.confidence)
