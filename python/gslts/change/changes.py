@@ -97,6 +97,18 @@ class Change:
         box = self.boxes[SIDES.index(side)]
         return None if box is None else (box[0] + box[1]) / 2
 
+    def box_iou(self, other: Change) -> float:
+        """Return the intersection over union of the boxes of two changes; the larger of both sides.
+
+        Args:
+            other: The other change.
+
+        Returns:
+            0 to 1; 0 if the boxes are unknown.
+        """
+        sides = zip(self.boxes, other.boxes, strict=True)
+        return max((_iou(a, b) for a, b in sides if a is not None and b is not None), default=0.0)
+
     def box_px(self, side: Side, width: int) -> tuple[int, int, int, int] | None:
         """Return the box around the object in the image; None if it is not visible at that side.
 
@@ -154,6 +166,13 @@ def box_of_mask(mask: Bools, width: int) -> tuple[int, int, int, int] | None:
     scale = width // mask.shape[1]
     low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
     return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
+
+
+def _iou(a: Box, b: Box) -> float:
+    low, high = np.maximum(a[0], b[0]), np.minimum(a[1], b[1])
+    common = np.prod(np.maximum(0, high - low))
+    union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
+    return float(common / union) if union > 0 else 0.0
 
 
 def _require_position(name: str, value: Any) -> None:

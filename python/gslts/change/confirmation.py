@@ -171,7 +171,7 @@ class ChangeConfirmation:
     def _join(self, candidate: _Candidate, rule: ObjectRule) -> _Candidate | None:
         """Return the reported end that a candidate includes; make it a relocation if they join."""
         for other in self._candidates:
-            if other.reported is None or other is candidate:
+            if other.reported is None or other is candidate or _share_frame(other, candidate):
                 continue
             if self._is_end(other.change, candidate.change):
                 return other
@@ -186,32 +186,44 @@ class ChangeConfirmation:
     def _match(self, changes: Sequence[Change]) -> list[tuple[Change, _Candidate]]:
         """Return the candidate of each change of a frame.
 
-        It is the nearest one of the same kind, and each candidate has at most one of them, as two
-        objects may stand side by side; or a relocation of which the change is an end; or a new one.
+        It is the near one of the same kind whose boxes agree best, or else the nearest one, and
+        each candidate has at most one of them, as two objects may stand side by side; or a
+        relocation of which the change is an end; or a new one.
         """
         pairs = sorted(
-            (float(np.linalg.norm(candidate.change.point - change.point)), row, column)
+            (
+                -candidate.change.box_iou(change),
+                float(np.linalg.norm(candidate.change.point - change.point)),
+                row,
+                column,
+            )
             for row, change in enumerate(changes)
             for column, candidate in enumerate(self._candidates)
             if candidate.change.kind == change.kind
         )
         matched: dict[int, _Candidate] = {}
         taken: set[int] = set()
-        for distance_m, row, column in pairs:
+        for _, distance_m, row, column in pairs:
             if distance_m <= self.config.near_m and row not in matched and column not in taken:
                 matched[row] = self._candidates[column]
                 taken.add(column)
         for row, change in enumerate(changes):
             if row not in matched:
-                matched[row] = self._whole_of(change) or _Candidate(change)
+                whole = self._whole_of(change, seen=list(matched.values()))
+                matched[row] = whole or _Candidate(change)
             if matched[row] not in self._candidates:
                 self._candidates.append(matched[row])
         return [(change, matched[row]) for row, change in enumerate(changes)]
 
-    def _whole_of(self, change: Change) -> _Candidate | None:
-        """Return a relocation of which a change is an end; None if there is none."""
+    def _whole_of(self, change: Change, seen: Sequence[_Candidate]) -> _Candidate | None:
+        """Return a relocation of which a change is an end; None if there is none.
+
+        It is none that the same frame has `seen`: that has its ends already.
+        """
         wholes = (
-            candidate for candidate in self._candidates if self._is_end(change, candidate.change)
+            candidate
+            for candidate in self._candidates
+            if candidate not in seen and self._is_end(change, candidate.change)
         )
         return next(wholes, None)
 
@@ -221,6 +233,12 @@ class ChangeConfirmation:
             return False
         end = whole.end_point("before" if change.kind == "removal" else "after")
         return end is not None and float(np.linalg.norm(end - change.point)) <= self.config.near_m
+
+
+def _share_frame(a: _Candidate, b: _Candidate) -> bool:
+    """Test if one frame shows both, so that they are two objects."""
+    numbers = {number for number, _, _ in a.frames}
+    return any(number in numbers for number, _, _ in b.frames)
 
 
 def latest_reports(reports: Sequence[Report]) -> list[Report]:

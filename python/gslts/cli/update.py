@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 
 # Imports are inside the command, so that `gslts --help` starts fast.
 
-MIN_CONFIDENCE = 0.8
-"""Minimum confidence that recorded frames must give a change together. With it, one frame may be
-enough: of 13 false reports that it lets pass in 7-Scenes, the updates rejected all."""
-
 
 class EditStrategy(StrEnum):
     """Pre-editing of the map."""
@@ -82,6 +78,7 @@ def update(
 
     from gslts.change.config import DetectionConfig
     from gslts.change.confirmation import MonitorConfig
+    from gslts.change.constants import MIN_RECORDED_CONFIDENCE
     from gslts.robots.recorded import RecordedRobot
     from gslts.update import update_map
 
@@ -109,7 +106,7 @@ def update(
             config,
             detection=DetectionConfig(threads=threads),
             frames=recorded,
-            monitor=MonitorConfig(needed=needed, confidence=MIN_CONFIDENCE),
+            monitor=MonitorConfig(needed=needed, confidence=MIN_RECORDED_CONFIDENCE),
             on_detected=report,
             progress=advance,
         )

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 from gslts.change.changes import SIDES, Change, Side
 from gslts.change.confirmation import MonitorConfig
+from gslts.change.constants import MIN_RECORDED_CONFIDENCE
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import Counts, confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts_bench.real.boxes import JUDGED, MarkedObject
 from gslts_bench.real.score import Report, found_objects, other_reports, reports_of
 
-CONFIRMATION = MonitorConfig(needed=1, confidence=0.8)
+CONFIRMATION = MonitorConfig(needed=1, confidence=MIN_RECORDED_CONFIDENCE)
 """The robots of these visits saw most objects in two frames, and some in one."""
 _Place = tuple[Side, tuple[float, ...] | None]
 """A side of a change, and the position there."""

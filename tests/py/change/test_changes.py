@@ -39,6 +39,18 @@ def test_a_shift_has_a_rigid_motion_and_two_ends() -> None:
     assert shift.end("before").motion is None
 
 
+def test_boxes_of_two_changes_overlap_at_one_side() -> None:
+    half = (BOX[0], np.array([1.0, 2.2, 0.8]))
+    removal, addition = Change("removal", 1, POINT, (BOX, None)), Change("addition", 1, POINT)
+    whole = Change("relocation", 1, POINT, (half, OTHER_BOX))
+    assert removal.box_iou(whole) == whole.box_iou(removal) == pytest.approx(0.5)
+    assert whole.box_iou(whole) == 1
+    assert removal.box_iou(Change("removal", 1, POINT, (OTHER_BOX, None))) == 0
+    assert addition.box_iou(whole) == 0
+    flat = Change("removal", 1, POINT, ((BOX[0], BOX[0]), None))
+    assert flat.box_iou(flat) == 0
+
+
 def test_an_end_at_an_unknown_position_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"Change\.end: the relocation has no box before"):
         Change("relocation", 0.7, POINT).end("before")

@@ -102,6 +102,25 @@ def test_frames_confirm_a_change_together() -> None:
     assert never[0] == []
 
 
+def boxed(x: float, half_m: float, confidence: float = 0.9) -> Change:
+    """Return an addition with a cube around it."""
+    point = np.array([x, 0.0, 1.0])
+    return Change("addition", confidence, point, (None, (point - half_m, point + half_m)))
+
+
+def test_boxes_tell_which_of_two_near_changes_is_seen_again() -> None:
+    """Test a bowl whose point errs, and a peach in it that the first frame does not tell apart."""
+    frames = [
+        [boxed(1.0, 0.1)],
+        [boxed(1.05, 0.1), boxed(1.02, 0.02)],
+        [boxed(1.0, 0.1), boxed(1.02, 0.02)],
+        [boxed(1.02, 0.02)],
+    ]
+    bowl, peach = watched(lambda t: frames[int(t)], len(frames))[0]
+    assert (bowl.change, bowl.times_s) == (frames[2][0], (0.0, 1.0, 2.0))
+    assert (peach.change, peach.times_s) == (frames[3][0], (1.0, 2.0, 3.0))
+
+
 def test_distant_changes_are_several() -> None:
     both = [change(1.0), change(2.0), change(1.0, "removal")]
     reports, _ = watched(lambda _: both, 10)
@@ -153,6 +172,16 @@ def test_an_end_of_a_plain_relocation_is_not_reported_beside_it() -> None:
     whole = Change("relocation", 0.9, np.array([3.0, 0.0, 1.0]), (before, after))
     reports, _ = watched(lambda t: [whole] if t < 3 else [change(1.0, "removal")], 10)
     assert [report.change.kind for report in reports] == ["relocation"]
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+def test_an_object_that_came_beside_a_moved_one_is_reported_too(confidence: float) -> None:
+    """A frame shows both, so that the addition is no end of the relocation."""
+    before, after = (tuple(np.array([x, -0.1, h]) for h in (0.9, 1.1)) for x in (1.0, 3.0))
+    moved = Change("relocation", 0.9, np.array([3.0, 0.0, 1.0]), (before, after))
+    both = sorted((moved, change(3.2, confidence=confidence)), key=lambda c: -c.confidence)
+    reports, _ = watched(lambda _: both, 10)
+    assert [(report.change, report.replaces) for report in reports] == [(c, None) for c in both]
 
 
 def test_unlike_ends_of_different_frames_are_two_changes() -> None:

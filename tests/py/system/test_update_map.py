@@ -15,6 +15,7 @@ from update_room import UPDATE
 import gslts
 from gslts.change.changes import Change
 from gslts.change.confirmation import MonitorConfig
+from gslts.change.constants import MIN_RECORDED_CONFIDENCE
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.rendering.rasterizer import render
@@ -99,7 +100,7 @@ def update_by_recording(folder: Path, frames: list[RgbdFrame]) -> MapUpdate:
         UPDATE,
         detection=change_room.CONFIG,
         frames=frames,
-        monitor=MonitorConfig(needed=1, confidence=0.8),
+        monitor=MonitorConfig(needed=1, confidence=MIN_RECORDED_CONFIDENCE),
     )
 
 
