@@ -35,7 +35,7 @@ def test_the_table_holds_the_figures() -> None:
     rows = tables_markdown(tabulate(found)).splitlines()
     assert "|  | home, 3 changes | target |" in rows
     assert f"| {GAIN} | -0.25 dB | -0.5 dB |" in rows
-    assert f"| {GROWTH} | +10.0 % | +10 % |" in rows
+    assert f"| {GROWTH} | +10.0 % | +5 % |" in rows
     assert "| detected in the first frame | 66.7 % (2 of 3) |  |" in rows
     assert "| left without an update | 66.7 % (2 of 3) |  |" in rows
     assert tables_markdown(tabulate(summarize(STEPS))) == "No home came to its end."
