@@ -198,5 +198,5 @@ def test_without_torch_the_message_names_the_extra(monkeypatch):
     for name in [name for name in sys.modules if name.startswith("gslts.torch")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(ImportError, match=r"^gslts.torch needs PyTorch: pip install gslts\[torch"):
+    with pytest.raises(ImportError, match=r"^gslts.torch needs PyTorch: pip install 'gslts\[torch"):
         __import__("gslts.torch")
