@@ -212,7 +212,7 @@ def test_a_request_waits_for_the_first_frame(ros: Ros, tmp_path: Path) -> None:
         ros.publish("/gslts/command", "std_msgs/msg/String", data="round")
         (frame,) = frames_of(home(), VIEWPOINTS[:1])
         localized(ros, Driver(ros), frame)
-        ros.wait("/goal_pose")
+        assert ros.wait("/goal_pose")["header"]["frame_id"] == "odom"
 
 
 def problem_of(ros: Ros, topic: str, part: str) -> str:
