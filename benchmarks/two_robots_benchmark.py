@@ -3,8 +3,8 @@
     python benchmarks/two_robots_benchmark.py                    # 20 changes of a small kitchen
 
 After each change, the robots that see it integrate it into their clones, and then both exchange
-versions. A third of the changes is seen by both at once. Prints JSON: which changes became
-versions, and the PSNR of new views of the home at the end.
+versions. A third of the changes is seen by both at once. Prints JSON: which changes the events of
+the maps show, and the PSNR of new views of the home at the end.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import json
 import os
 import shutil
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +28,16 @@ from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.keeper import MapKeeper
 from gslts.store.causes import UpdateCause
-from gslts.store.map_folder import open_map, read_map
+from gslts.store.history import open_history
+from gslts.store.map_folder import read_map
 from gslts.store.robot_name import VARIABLE
+from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
+from gslts_bench.series.events import is_in, is_untrue
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.home_source import HomeSource
+from gslts_sim.task import Change
 from gslts_sim.tasks import TaskMaker
 
 SETTING = TaskSettings(width=320, height=240)
@@ -49,11 +54,51 @@ def go(folder: Path, robot: Robot, viewpoints: dict[str, Camera]) -> None:
         keeper.go_round(robot, viewpoints)
 
 
-def rounds_of(folder: Path) -> list[int]:
-    """Return the rounds of the updates of a map; round k follows the change k."""
-    with open_map(folder) as store:
-        causes = [version.cause for version in store.versions()]
-    return [c.round for c in causes if isinstance(c, UpdateCause) and c.round is not None]
+def versions_of(folder: Path) -> list[float]:
+    """Return the times of the versions of a map, which tell them apart."""
+    with open_history(folder) as history:
+        return [version.time_s for version in history.versions()]
+
+
+def show(folder: Path, changes: Sequence[Change]) -> tuple[list[int], list[int], int]:
+    """Compare the events of a map with the true changes by their positions.
+
+    Args:
+        folder: Of the map; its round k follows the change k.
+        changes: True changes, oldest first.
+
+    Returns:
+        Numbers of the changes that the events show, numbers of those that more than one event
+        shows, and the number of events of something that did not happen.
+    """
+    with open_history(folder) as history:
+        events = history.events()
+        causes = [(version.number, version.cause) for version in history.versions()]
+    rounds = {number: c.round for number, c in causes if isinstance(c, UpdateCause)}
+    ends: Counter[tuple[int, int]] = Counter()
+    untrue = 0
+    for event in events:
+        past = changes[: (rounds[event.version] or 0) + 1]
+        untrue += is_untrue(event, past)
+        for side, box in enumerate(event.boxes):
+            if box is not None:
+                middle = np.mean(box, axis=0)
+                fitting = [k for k, c in enumerate(past) if _has_end(c, side, middle)]
+                ends.update((k, side) for k in fitting[-1:])
+    shown = [k for k, change in enumerate(changes) if all(ends[k, side] for side in _sides(change))]
+    return shown, sorted({k for (k, _), number in ends.items() if number > 1}), untrue
+
+
+def _has_end(change: Change, side: int, position: Floats) -> bool:
+    """Return whether an object was at a position before (0) or is there after (1) a change."""
+    box = (change.box_before, change.box_after)[side]
+    return box is not None and is_in(position, box)
+
+
+def _sides(change: Change) -> list[int]:
+    """Return which ends a change has: 0 before it, 1 after it."""
+    boxes = (change.box_before, change.box_after)
+    return [side for side, box in enumerate(boxes) if box is not None]
 
 
 def main() -> None:
@@ -80,10 +125,12 @@ def main() -> None:
     push_map(anna, url)
     clone_map(url, ben)
     given_up: list[str] = []
+    changes: list[Change] = []
     behind = 0
     for done in tqdm(range(given.changes), desc="changes"):
         task = task if done == 0 else next(tasks)
         state = task.apply_change(state)
+        changes.append(task.change)
         robot = robot_in(state, task.sensor, task.sensor.seed_after)
         robot.go(task.viewpoint)
         here = {"first": robot.observe().camera}
@@ -94,18 +141,16 @@ def main() -> None:
         for folder in (anna, ben):
             given_up += [f"change {done}: {reason}" for reason in push_map(folder).given_up]
         pull_map(anna)
-        behind += rounds_of(anna) != rounds_of(ben)
+        behind += versions_of(anna) != versions_of(ben)
     frames = new_frames(state, task.sensor, given.seed)
-    by_one, by_two = Counter(rounds_of(alone)), Counter(rounds_of(anna))
     maps = {"one robot": alone, "two robots": anna, "first version": Path(f"{anna}@1")}
+    shown = {name: show(maps[name], changes) for name in ("one robot", "two robots")}
     results = {
         "changes": given.changes,
-        "updates of one robot": by_one.total(),
-        "updates of two robots": by_two.total(),
-        "changes that only one robot updated": sorted(set(by_one) - set(by_two)),
-        "changes that only two robots updated": sorted(set(by_two) - set(by_one)),
-        "changes in two versions, one robot": sorted(k for k, n in by_one.items() if n > 1),
-        "changes in two versions, two robots": sorted(k for k, n in by_two.items() if n > 1),
+        "shown": {name: len(found) for name, (found, _, _) in shown.items()},
+        "only shown by one robot": sorted(set(shown["one robot"][0]) - set(shown["two robots"][0])),
+        "shown twice": {name: twice for name, (_, twice, _) in shown.items()},
+        "untrue events": {name: untrue for name, (_, _, untrue) in shown.items()},
         "given up": given_up,
         "exchanges after which the clones differ": behind,
         "PSNR, dB": {

@@ -50,7 +50,7 @@ def extend(
     from gslts.mapping.config import PRESETS
     from gslts.mapping.optimize import Progress
 
-    opened = open_with_poses(dataset, poses, every)
+    opened = open_with_poses(dataset, poses, every, threads=threads)
     config = PRESETS[preset].with_settings([f"threads={threads}"])
     with (
         tqdm(desc="placing", unit="frame", disable=None) as placing,

@@ -165,7 +165,7 @@ def make(
     chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
-    opened = open_with_poses(dataset, poses, every, out)
+    opened = open_with_poses(dataset, poses, every, out, threads)
     out.parent.mkdir(parents=True, exist_ok=True)
     result = _map_with_bar(opened, config, start, saved)
     write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
@@ -200,7 +200,7 @@ def echo_skipped(left_out: Iterable[str]) -> None:
 
 
 def open_with_poses(
-    dataset: Path, poses: Poses, every: int = 1, out: Path | None = None
+    dataset: Path, poses: Poses, every: int = 1, out: Path | None = None, threads: int = 0
 ) -> OpenedDataset:
     """Open a data set at given, corrected or estimated poses, with progress bars.
 
@@ -210,6 +210,7 @@ def open_with_poses(
         every: Use every n-th frame.
         out: Folder of the map that is made. Poses that were found are kept beside it, and read
             from there if they were found before. None if they serve another map.
+        threads: Number of threads; 0 uses all hardware threads.
 
     Raises:
         OSError: The path does not exist or cannot be read.
@@ -240,6 +241,7 @@ def open_with_poses(
     found = estimate_poses(
         opened,
         correct=poses is Poses.CORRECT,
+        threads=threads,
         show_frames=lambda frames: tqdm(frames, desc="odometry", unit="frame", disable=None),
         show_loops=lambda loops: tqdm(loops, desc="loop closures", unit="pair", disable=None),
     )

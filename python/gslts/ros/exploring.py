@@ -19,8 +19,9 @@ PITCHES_RAD = tuple(np.deg2rad((20.0, -10.0)).tolist())
 """Angles of the camera below the horizon in a turn around, rad: the first shows floor and
 furniture, the second the walls above, as `gslts.keeper.exploration.RINGS`. With the first alone,
 upper walls are blurred in the map, and changes are reported there."""
-QUARTERS = 4
-"""Goals of a turn around: frames are remembered on the way from each to the next."""
+THIRDS = 3
+"""Goals of a turn around: frames are remembered on the way from each to the next, and the shorter
+way to it is less than half a turn."""
 SPACING_M = 1.4
 """Maximum distance of floor from the nearest position, m: a living room takes eight positions."""
 
@@ -69,9 +70,8 @@ def explore(
 
 def _turn_around(robot: RosRobot, pitch_rad: float, stop: threading.Event) -> None:
     start_rad = yaw_of(robot.pose())
-    for quarter in range(1, QUARTERS + 1):
+    for third in range(1, THIRDS + 1):
         if stop.is_set():
             return
-        yaw_rad = start_rad + 2 * np.pi * quarter / QUARTERS
+        yaw_rad = start_rad + 2 * np.pi * third / THIRDS
         robot.move_towards(robot.pose()[:2, 3], yaw_rad, pitch_rad)
-        robot.observe()

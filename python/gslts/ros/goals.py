@@ -13,6 +13,11 @@ from gslts.ros.pose_message import pose_message
 from gslts.ros.robot import yaw_pose
 from gslts.types import Floats
 
+try:
+    from gslts.ros.navigation_action import NavigationAction
+except ImportError:  # This ROS lacks nav2_msgs.
+    NavigationAction = None  # type: ignore[assignment, misc]
+
 QUEUE = 10
 """Depth of the queues."""
 OWN_GOALS = 8
@@ -20,7 +25,9 @@ OWN_GOALS = 8
 
 
 class Goals:
-    """Publishes goals on `goal_pose`, which Nav2 follows.
+    """Gives goals to Nav2: by its action where it runs and `nav2_msgs` can be imported.
+
+    Otherwise they are published on `goal_pose`, which Nav2 and other navigation follow.
 
     Args:
         node: Of ROS.
@@ -37,6 +44,22 @@ class Goals:
         self._goals = node.create_publisher(PoseStamped, "goal_pose", QUEUE)
         self._tilt = node.create_publisher(Float64MultiArray, tilt, QUEUE) if tilt else None
         node.create_subscription(PoseStamped, "goal_pose", self._on_goal, QUEUE)
+        self._action = None if NavigationAction is None else NavigationAction(node, on_foreign)
+
+    @property
+    def is_busy(self) -> bool:
+        """True while the robot is known to follow a goal of somebody else."""
+        return self._action is not None and self._action.is_busy
+
+    @property
+    def has_ended(self) -> bool:
+        """True if the navigation said that it has ended with the last goal, reached or not."""
+        return self._action is not None and self._action.has_ended
+
+    def cancel(self) -> None:
+        """Cancel the last goal, where the navigation can."""
+        if self._action is not None:
+            self._action.cancel()
 
     def drive_to(self, position: Floats, yaw_rad: float) -> None:
         """Give a goal.
@@ -47,6 +70,9 @@ class Goals:
         """
         header = Header(frame_id=self._frame(), stamp=self._node.get_clock().now().to_msg())
         message = PoseStamped(header=header, pose=pose_message(yaw_pose(position, yaw_rad)))
+        if self._action is not None and self._action.is_ready:
+            self._action.drive_to(message)
+            return
         self._own.append((message.pose.position.x, message.pose.position.y))
         self._goals.publish(message)
 

@@ -79,7 +79,8 @@ class RosRobot:
     @property
     def is_left_alone(self) -> bool:
         """True if the robot follows the goal of somebody else."""
-        return time.monotonic() < self._foreign_until_s
+        is_busy = self._goals is not None and self._goals.is_busy
+        return is_busy or time.monotonic() < self._foreign_until_s
 
     def observe(self) -> RgbdFrame:
         """Wait for a frame that is taken from now on.
@@ -152,10 +153,14 @@ class RosRobot:
 
     def _wait_until_at(self, goal: Floats, yaw_rad: float) -> bool:
         """Return whether the robot comes to rest at a goal, in the frame of its odometry."""
+        assert self._goals is not None
         start_s = moved_s = time.monotonic()
         last = self._odometry()
         while (now_s := time.monotonic()) - start_s < GOAL_TIMEOUT_S:
-            if self._stop.wait(POLL_S) or self._preempted.is_set():
+            if self._stop.wait(POLL_S):
+                self._goals.cancel()
+                return False
+            if self._preempted.is_set():
                 return False
             pose = self._odometry()
             moved_m, turned_rad = pose_distance(last, pose)
@@ -163,7 +168,8 @@ class RosRobot:
                 last, moved_s = pose, now_s
             off_rad = (yaw_of(pose) - yaw_rad + np.pi) % (2 * np.pi) - np.pi
             is_there = np.linalg.norm(pose[:2, 3] - goal) < ARRIVED_M and abs(off_rad) < ARRIVED_RAD
-            if now_s - moved_s > (TILT_S if is_there else STUCK_S):
+            rests = is_there or self._goals.has_ended
+            if now_s - moved_s > (TILT_S if rests else STUCK_S):
                 return bool(is_there)
         return False
 

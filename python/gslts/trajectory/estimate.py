@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gslts.core.in_threads import map_in_threads
 from gslts.core.se3 import product, transform
 from gslts.datasets import Dataset, Frame
 from gslts.datasets.posed import with_poses
@@ -17,7 +18,7 @@ from gslts.trajectory.features import FrameFeatures
 from gslts.trajectory.loops import find_loops
 from gslts.trajectory.odometry import KeyframeOdometry
 from gslts.trajectory.pose_graph import Edge, optimize_poses
-from gslts.trajectory.registration import register_frames
+from gslts.trajectory.registration import Motion, register_frames
 from gslts.trajectory.upright import upright_world
 from gslts.types import Floats
 
@@ -48,6 +49,7 @@ def estimate_poses(
     dataset: Dataset,
     *,
     correct: bool = False,
+    threads: int = 0,
     show_frames: ShowFrames = iter,
     show_loops: ShowLoops = iter,
 ) -> EstimatedPoses:
@@ -61,6 +63,7 @@ def estimate_poses(
             `open_dataset(path, posed=False)` gives them.
         correct: True if the given poses are those of an odometry that drifts: they serve where
             images tell nothing. False if they are not used.
+        threads: Number of threads; 0 uses all hardware threads. The result is the same for any.
         show_frames: Shows the progress of reading.
         show_loops: Shows the progress of the search for loop closures.
 
@@ -78,14 +81,13 @@ def estimate_poses(
             for frame in dataset.frames
             if frame.name not in without
         }
-    for frame in show_frames(dataset.frames):
-        try:
-            features = FrameFeatures.of(frame.read())
-        except (OSError, ValueError) as error:
-            unplaced.append(f"{frame.name}: {error}")
-            continue
-        odometry.add(frame.name, features, given.get(frame.name))
-    loops = list(_close_loops(odometry.keyframes, show_loops))
+    features = map_in_threads(_features_of, dataset.frames, threads)
+    for frame, found in zip(show_frames(dataset.frames), features, strict=True):
+        if isinstance(found, FrameFeatures):
+            odometry.add(frame.name, found, given.get(frame.name))
+        else:
+            unplaced.append(f"{frame.name}: {found}")
+    loops = list(_close_loops(odometry.keyframes, show_loops, threads))
     loops = _allowed_by(given, odometry.names, loops)
     edges = [*odometry.edges, *loops]
     placed = optimize_poses(len(odometry.keyframes), edges)
@@ -125,10 +127,25 @@ def _in_order(dataset: Dataset) -> tuple[Frame, ...]:
     return dataset.frames
 
 
-def _close_loops(keyframes: Sequence[FrameFeatures], show_loops: ShowLoops) -> Iterator[Edge]:
+def _features_of(frame: Frame) -> FrameFeatures | Exception:
+    """Return the features of a frame, or why it cannot be read."""
+    try:
+        return FrameFeatures.of(frame.read())
+    except (OSError, ValueError) as error:
+        return error
+
+
+def _close_loops(
+    keyframes: Sequence[FrameFeatures], show_loops: ShowLoops, threads: int
+) -> Iterator[Edge]:
     """Yield the registered motions between keyframes that do not follow each other."""
-    for later, earlier in show_loops(find_loops(keyframes)):
-        motion = register_frames(keyframes[later], keyframes[earlier])
+
+    def register(pair: tuple[int, int]) -> Motion | None:
+        return register_frames(keyframes[pair[0]], keyframes[pair[1]])
+
+    pairs = find_loops(keyframes)
+    motions = map_in_threads(register, pairs, threads)
+    for (later, earlier), motion in zip(show_loops(pairs), motions, strict=True):
         if motion is not None:
             yield Edge(later, earlier, motion)
 

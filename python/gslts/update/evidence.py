@@ -30,6 +30,9 @@ MIN_VIEWS = 2
 MAX_LOG_ODDS = 3.0
 """Bound of the evidence of one view, log-odds (20 to 1). Views share the errors of the map, so no
 single view may outvote all others."""
+GIVE_UP_LOG_ODDS = -3 * MAX_LOG_ODDS
+"""Evidence at which no more views of a region are taken: as of three views that show nothing there.
+Of a full tour of nine, seven of the others would have to show it."""
 MIN_MEASURED_SHARE = 0.1
 """Minimum share of changed pixels with measured depth; glass and mirrors have less."""
 MAX_MOTION_GAP_M, MAX_MOTION_GAP_RAD = 0.03, np.deg2rad(4)
@@ -134,7 +137,7 @@ def _judge(
     if len(own) < MIN_VIEWS:
         reason = skipped[0] if skipped else "the robot offers no other frame"
         return "unknown", f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
-    log_odds = [_log_odds(region, detection) for _, detection in own]
+    log_odds = [log_odds_of(region, detection) for _, detection in own]
     judged = [value for value in log_odds if not isinstance(value, str)]
     if len(judged) < MIN_VIEWS:
         reason = next(value for value in log_odds if isinstance(value, str))
@@ -155,8 +158,13 @@ def _judge(
     return "shown", ""
 
 
-def _log_odds(region: Region, detection: Detection) -> float | str:
-    """Return the bounded log-odds of a change in a region, or why a view cannot judge it."""
+def log_odds_of(region: Region, detection: Detection) -> float | str:
+    """Return the bounded log-odds of a change in a region, or why a view cannot judge it.
+
+    Args:
+        region: Of the change.
+        detection: Of a view that shows the region.
+    """
     own = [surface for surface in detection.surfaces if region.matches(surface)]
     faults = [surface_fault(surface) for surface in own]
     confidences = [

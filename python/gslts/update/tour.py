@@ -16,7 +16,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import is_visible
+from gslts.update.evidence import GIVE_UP_LOG_ODDS, is_visible, log_odds_of
 from gslts.update.region import Region
 from gslts.update.targets import farthest_points
 
@@ -57,6 +57,7 @@ class Tour:
         self._robot, self._detector, self._config = robot, detector, config
         self._progress, self._recorded = progress, recorded
         self._observed: list[RgbdFrame] = []
+        self._log_odds = [0.0] * len(regions)
         if not recorded:
             self._observed.append(robot.observe())
 
@@ -65,7 +66,8 @@ class Tour:
 
         Where one side is blocked, the other one gets more steps. The steps are so long that the
         views cover all sides that can be reached: a side that no view shows would be missing in the
-        map, and be reported as a change later.
+        map, and be reported as a change later. Where the first views show no change, no more are
+        taken.
 
         Args:
             index: Of the region.
@@ -81,7 +83,7 @@ class Tour:
         left, right = range(half + 1), range(-1, -farthest - 1, -1)
         visited: list[int] = []
         for step in (*left, *right, *range(half + 1, farthest + 1)):
-            if views > config.steps:
+            if views > config.steps or self._log_odds[index] <= GIVE_UP_LOG_ODDS:
                 return
             row = self._choose_position(index, positions, visited, start + step * step_rad)
             if row is not None:
@@ -142,6 +144,9 @@ class Tour:
             return False
         self.frames.append((frame, detection))
         for row, other in enumerate(self.regions):
+            log_odds = log_odds_of(other, detection)
+            if shown[row] and not isinstance(log_odds, str):
+                self._log_odds[row] += log_odds
             own = [surface for surface in detection.surfaces if other.matches(surface)]
             self.regions[row] = other.include(
                 (surface.low for surface in own), (surface.high for surface in own)

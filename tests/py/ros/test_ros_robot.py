@@ -22,6 +22,8 @@ class Base:
 
     pose: np.ndarray = field(default_factory=lambda: yaw_pose(np.array([0.5, 0.2]), 0.1))
     goals: int = 0
+    is_busy: bool = False
+    has_ended: bool = False
 
     def drive_to(self, position: np.ndarray, yaw_rad: float) -> None:
         self.pose = yaw_pose(position, yaw_rad)

@@ -107,6 +107,14 @@ def test_collection_ends_after_the_configured_steps() -> None:
     assert count == 3
 
 
+def test_a_region_without_a_change_is_left_after_three_views() -> None:
+    robot = Recorder(update_room.robot_in(change_room.home()))
+    changes = [update_room.detected("removal")]
+    found = collect_views(robot, change_room.detector(), changes, COLLECT)
+    assert found.rejected == ((changes[0], "only 0 of 3 views show a removed object there"),)
+    assert len(robot.asked) == 3
+
+
 def test_without_reachable_positions_there_is_no_view() -> None:
     count, _ = collect_around(recorder(blocked=-1.0))
     assert count == 0
