@@ -35,6 +35,9 @@ GIVE_UP_LOG_ODDS = -3 * MAX_LOG_ODDS
 Of a full tour of nine, seven of the others would have to show it."""
 MIN_MEASURED_SHARE = 0.1
 """Minimum share of changed pixels with measured depth; glass and mirrors have less."""
+MIN_PART_SHARE = 0.5
+"""Minimum share of the smaller of two boxes that lies in the other one, if both are reports of one
+object: frames from two sides showed two thirds of a laptop's smaller box in the larger one."""
 MAX_MOTION_GAP_M, MAX_MOTION_GAP_RAD = 0.03, np.deg2rad(4)
 """Maximum difference between two reports of one shift, at the centre of the object: one frame tells
 the motion to about 1 cm and 2 degrees."""
@@ -96,6 +99,29 @@ def confirm(
     if shown and not any(verdict == "unknown" for verdict, _ in verdicts):
         return change.end(shown[0].side)
     return next(reason for verdict, reason in verdicts if verdict != "shown")
+
+
+def join_parts(changes: Sequence[Change]) -> tuple[list[Change], list[Change]]:
+    """Join reports of one object that frames showed in parts; shifts are joined once confirmed.
+
+    Args:
+        changes: As detected.
+
+    Returns:
+        The changes, with the boxes of their parts, and the reports that are parts of them.
+    """
+    wholes: list[Change] = []
+    parts: list[Change] = []
+    for change in changes:
+        for row, other in enumerate(wholes):
+            if change.kind == other.kind != "shift" and _is_part(change, other):
+                boxes = [_union([other.boxes[side], change.boxes[side]]) for side in (0, 1)]
+                wholes[row] = replace(other, boxes=(boxes[0], boxes[1]))
+                parts.append(change)
+                break
+        else:
+            wholes.append(change)
+    return wholes, parts
 
 
 def join_shifts(results: Sequence[Change | str]) -> list[Change | str]:
@@ -233,6 +259,17 @@ def _union(boxes: Sequence[Box | None]) -> Box | None:
         return None
     lows, highs = zip(*known, strict=True)
     return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _is_part(first: Change, second: Change) -> bool:
+    """Return whether the boxes of two changes of a kind are those of one object, at each end."""
+    shares = []
+    for a, b in zip(first.boxes, second.boxes, strict=True):
+        if a is not None and b is not None:
+            common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
+            smaller = min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0]))
+            shares.append(common / smaller if smaller > 0 else 0.0)
+    return min(shares, default=0.0) >= MIN_PART_SHARE
 
 
 def _overlaps(report: Change, regions: Sequence[Region]) -> bool:

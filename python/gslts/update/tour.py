@@ -66,13 +66,14 @@ class Tour:
 
         Where one side is blocked, the other one gets more steps. The steps are so long that the
         views cover all sides that can be reached: a side that no view shows would be missing in the
-        map, and be reported as a change later. Where the first views show no change, no more are
-        taken.
+        map, and be reported as a change later. Frames that were taken near such a position for
+        another region count. Where the first views show no change, no more are taken.
 
         Args:
             index: Of the region.
         """
         region, config = self.regions[index], self._config
+        earlier = [frame for frame, _ in self.frames]
         views = self._use_recorded(index)
         positions = self._robot.reachable_positions()
         start = _bearing(self._robot.pose()[:2, 3] - region.center[:2])
@@ -88,6 +89,9 @@ class Tour:
             row = self._choose_position(index, positions, visited, start + step * step_rad)
             if row is not None:
                 visited.append(row)
+                if self._take_near(earlier, positions[row], index):
+                    views += 1
+                    continue
                 views += self._observe_from(positions[row], index)
                 self._progress()
         if not visited and not views:
@@ -100,6 +104,15 @@ class Tour:
         positions = np.array([f.camera.world_from_camera[:3, 3] for f in frames]).reshape(-1, 3)
         rows = farthest_points(positions, self._config.steps + 1)
         return sum(self._add(frames[row], index) for row in sorted(rows))
+
+    def _take_near(self, frames: list[RgbdFrame], position: Floats, index: int) -> bool:
+        """Take one of some frames that shows a region from near a position; return if there is."""
+        for row, frame in enumerate(frames):
+            off_m = np.linalg.norm(frame.camera.world_from_camera[:2, 3] - position)
+            if off_m < self._config.step_m and is_visible(frame, self.regions[index]):
+                frames.pop(row)
+                return True
+        return False
 
     def _choose_position(
         self, index: int, positions: Floats, visited: list[int], bearing: float

@@ -19,7 +19,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.types import Bools, Indices
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import confirm, join_shifts
+from gslts.update.evidence import confirm, join_parts, join_shifts
 from gslts.update.extent import extend_regions
 from gslts.update.region import MAX_REGION_DISTANCE_M, Region, regions_of
 from gslts.update.rigid_motion import move_gaussians, select_shifted
@@ -155,6 +155,7 @@ def collect_views(
     Returns:
         The views and the confirmed changes; no view if no position around a region is reachable.
     """
+    changes, parts = join_parts(changes)
     regions = [region for change in changes for region in regions_of(change)]
     tour = Tour(robot, detector, regions, config, progress, recorded)
     for index in range(len(regions)):
@@ -197,10 +198,13 @@ def collect_views(
         changes=tuple(change for change, _, _ in confirmed),
         regions_by_change=tuple(tuple(islice(remaining, len(own))) for _, own, _ in confirmed),
         moved=tuple(rows for _, _, rows in confirmed),
-        rejected=tuple(
-            (change, result)
-            for change, result in zip(changes, results, strict=True)
-            if isinstance(result, str)
+        rejected=(
+            *((part, "it is a part of another change") for part in parts),
+            *(
+                (change, result)
+                for change, result in zip(changes, results, strict=True)
+                if isinstance(result, str)
+            ),
         ),
         skipped=tuple(tour.skipped),
     )

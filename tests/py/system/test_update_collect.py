@@ -13,7 +13,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.robots.recorded import RecordedRobot
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import is_visible
+from gslts.update.evidence import is_visible, join_parts
 from gslts.update.region import Region
 from gslts.update.view_collection import collect_views
 from gslts_sim.controller import Controller
@@ -113,6 +113,35 @@ def test_a_region_without_a_change_is_left_after_three_views() -> None:
     found = collect_views(robot, change_room.detector(), changes, COLLECT)
     assert found.rejected == ((changes[0], "only 0 of 3 views show a removed object there"),)
     assert len(robot.asked) == 3
+
+
+def test_reports_of_one_object_are_joined() -> None:
+    whole = update_room.detected("removal")
+    assert whole.boxes[0] is not None
+    low, high = whole.boxes[0]
+    middle = (low + high) / 2
+    part = replace(whole, boxes=((middle, high + 0.02), None), before=None)
+    beside = replace(whole, boxes=((low + (0.6, 0, 0), high + (0.6, 0, 0)), None), before=None)
+    changes, parts = join_parts([whole, beside, part])
+    assert parts == [part]
+    assert changes[1] is beside
+    np.testing.assert_allclose(changes[0].boxes[0], (low, high + 0.02))
+    robot = recorder()
+    found = collect_views(robot, change_room.detector(), [whole, part], COLLECT)
+    assert len(found.changes) == 1
+    assert found.rejected == ((part, "it is a part of another change"),)
+
+
+def test_frames_of_one_region_count_for_another() -> None:
+    robot, alone = recorder(), recorder()
+    change = update_room.detected("removal")
+    assert change.boxes[0] is not None
+    low, high = change.boxes[0]
+    beside = replace(change, boxes=((low + (0.15, 0, 0), high + (0.15, 0, 0)), None))
+    collect_views(alone, change_room.detector(), [change], COLLECT)
+    found = collect_views(robot, change_room.detector(), [change, beside], COLLECT)
+    assert len(found.changes) == 2
+    assert len(robot.asked) <= len(alone.asked) + COLLECT.steps // 2
 
 
 def test_without_reachable_positions_there_is_no_view() -> None:
