@@ -1,6 +1,7 @@
 """Times and bytes of the viewer with a large map, in a headless Chromium; prints a markdown table.
 
 make demo && python benchmarks/viewer_benchmark.py demo/map    # a minute; needs chromium
+python benchmarks/viewer_benchmark.py demo/map --minutes 20    # memory, while versions come
 
 The map is repeated until it has 500,000 Gaussians. A GPU is used where Chromium finds one.
 """
@@ -9,6 +10,9 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import socket
+import subprocess
+import sys
 import tempfile
 import time
 from base64 import b64decode
@@ -19,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -44,6 +49,9 @@ BLOCKS_BYTES = 4096
 """Size above which a message has Gaussians: those of the panel are smaller."""
 FLAGS = ("--ignore-gpu-blocklist", "--enable-unsafe-swiftshader", "--no-sandbox")
 GIVE_UP_S = 120.0
+PERIOD_S = 4.0
+"""Time between two versions while memory is measured, s."""
+Row = tuple[str, str]
 
 
 def large_map(gaussian_map: GaussianMap) -> GaussianMap:
@@ -108,16 +116,60 @@ class Shown:
             self.drawn_at_s = time.perf_counter()
 
 
+def measure_memory(folder: Path, large: GaussianMap, page: Any, minutes: float) -> list[Row]:
+    """Return the memory of server and page after each minute, while new versions come.
+
+    Each version removes what is around another point, and the next one brings it back.
+    """
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+    command = [sys.executable, "-m", "gslts", "view", str(folder), "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        server.stdout.readline()  # It is ready.
+        page.goto(f"http://127.0.0.1:{port}")
+        session = page.context.new_cdp_session(page)
+        rng, start_s, versions = np.random.default_rng(0), time.monotonic(), 0
+        samples: list[tuple[float, int, float, float]] = []
+        while (passed_s := time.monotonic() - start_s) < 60 * minutes:
+            near = np.linalg.norm(large.means - rng.choice(large.means), axis=1) < CHANGED_M
+            for edited in (large.select(np.flatnonzero(~near)), large):
+                with open_map(folder, writable=True) as store:
+                    store.commit(edited, UpdateCause())
+                versions += 1
+                page.wait_for_timeout(1000 * PERIOD_S)
+            if passed_s >= 60 * len(samples):
+                session.send("HeapProfiler.collectGarbage")
+                heap = session.send("Runtime.getHeapUsage")
+                buffers = heap["usedSize"] + heap.get("backingStorageSize", 0)
+                rss = psutil.Process(server.pid).memory_info().rss
+                samples.append((passed_s, versions, rss / 2**20, buffers / 2**20))
+        server.terminate()
+    return [
+        (f"after {at_s / 60:.0f} min, {count} versions", f"{rss:.0f} MiB server, {heap:.0f} page")
+        for at_s, count, rss, heap in samples
+    ]
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("map", type=Path, help="folder of a map")
-    path = parser.parse_args().map
+    parser.add_argument("--minutes", type=float, help="measure memory for so long instead")
+    given = parser.parse_args()
+    path = given.map
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     with tempfile.TemporaryDirectory() as work, sync_playwright() as playwright:
         folder, large = Path(work) / "map", large_map(read_map(path))
         write_map_folder(folder, large, {}, cameras_of_map(path))
         browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         page = browser.new_page(viewport=SIZE_PX)
+        if given.minutes is not None:
+            print_rows(measure_memory(folder, large, page, given.minutes))
+            return
         received, shown = Received(page), Shown(page)
         with Viewer(folder, port=0) as viewer:
             start_s = time.perf_counter()
@@ -140,7 +192,7 @@ def main() -> None:
                 ".UNMASKED_RENDERER_WEBGL); }"
             )
         browser.close()
-    rows = [
+    rows: list[Row] = [
         ("Gaussians", f"{large.size:,}"),
         ("first image after opening the page", f"{(shown.drawn_at_s or np.nan) - start_s:.1f} s"),
         ("all Gaussians received", f"{whole_s:.1f} s, {whole / 1e6:.1f} MB"),
@@ -148,6 +200,11 @@ def main() -> None:
         ("bytes of the new version", f"{100 * changed / whole:.1f} %"),
         ("drawn by", str(renderer)),
     ]
+    print_rows(rows)
+
+
+def print_rows(rows: list[Row]) -> None:
+    """Print a markdown table."""
     print("| what | figure |\n| :-- | --: |")
     for row in rows:
         print(f"| {row[0]} | {row[1]} |")

@@ -121,7 +121,8 @@ def test_reports_of_one_object_are_joined() -> None:
     low, high = whole.boxes[0]
     middle = (low + high) / 2
     part = replace(whole, boxes=((middle, high + 0.02), None), before=None)
-    beside = replace(whole, boxes=((low + (0.6, 0, 0), high + (0.6, 0, 0)), None), before=None)
+    apart = np.array([0.6, 0, 0])
+    beside = replace(whole, boxes=((low + apart, high + apart), None), before=None)
     changes, parts = join_parts([whole, beside, part])
     assert parts == [part]
     assert changes[1] is beside
@@ -137,7 +138,8 @@ def test_frames_of_one_region_count_for_another() -> None:
     change = update_room.detected("removal")
     assert change.boxes[0] is not None
     low, high = change.boxes[0]
-    beside = replace(change, boxes=((low + (0.15, 0, 0), high + (0.15, 0, 0)), None))
+    apart = np.array([0.15, 0, 0])
+    beside = replace(change, boxes=((low + apart, high + apart), None))
     collect_views(alone, change_room.detector(), [change], COLLECT)
     found = collect_views(robot, change_room.detector(), [change, beside], COLLECT)
     assert len(found.changes) == 2
