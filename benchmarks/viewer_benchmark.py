@@ -119,33 +119,39 @@ class Shown:
 def measure_memory(folder: Path, large: GaussianMap, page: Any, minutes: float) -> list[Row]:
     """Return the memory of server and page after each minute, while new versions come.
 
-    Each version removes what is around another point, and the next one brings it back.
+    Each version has the Gaussians around another point anew, with other ids.
     """
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
     command = [sys.executable, "-m", "gslts", "view", str(folder), "--port", str(port)]
+    rng, samples = np.random.default_rng(0), list[tuple[float, int, float, float]]()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        server.stdout.readline()  # It is ready.
-        page.goto(f"http://127.0.0.1:{port}")
-        session = page.context.new_cdp_session(page)
-        rng, start_s, versions = np.random.default_rng(0), time.monotonic(), 0
-        samples: list[tuple[float, int, float, float]] = []
-        while (passed_s := time.monotonic() - start_s) < 60 * minutes:
-            near = np.linalg.norm(large.means - rng.choice(large.means), axis=1) < CHANGED_M
-            for edited in (large.select(np.flatnonzero(~near)), large):
+        try:
+            assert server.stdout is not None
+            server.stdout.readline()  # It is ready.
+            page.goto(f"http://127.0.0.1:{port}")
+            session = page.context.new_cdp_session(page)
+            start_s, versions = time.monotonic(), 0
+            while (passed_s := time.monotonic() - start_s) < 60 * minutes:
+                near = np.linalg.norm(large.means - rng.choice(large.means), axis=1) < CHANGED_M
+                left, moved = (
+                    large.select(np.flatnonzero(~near)),
+                    large.select(np.flatnonzero(near)),
+                )
+                large = join(left, moved, large.next_id)
                 with open_map(folder, writable=True) as store:
-                    store.commit(edited, UpdateCause())
+                    store.commit(large, UpdateCause())
                 versions += 1
                 page.wait_for_timeout(1000 * PERIOD_S)
-            if passed_s >= 60 * len(samples):
-                session.send("HeapProfiler.collectGarbage")
-                heap = session.send("Runtime.getHeapUsage")
-                buffers = heap["usedSize"] + heap.get("backingStorageSize", 0)
-                rss = psutil.Process(server.pid).memory_info().rss
-                samples.append((passed_s, versions, rss / 2**20, buffers / 2**20))
-        server.terminate()
+                if passed_s >= 60 * len(samples):
+                    session.send("HeapProfiler.collectGarbage")
+                    heap = session.send("Runtime.getHeapUsage")
+                    page_bytes = heap["usedSize"] + heap.get("backingStorageSize", 0)
+                    rss = psutil.Process(server.pid).memory_info().rss
+                    samples.append((passed_s, versions, rss / 2**20, page_bytes / 2**20))
+        finally:
+            server.terminate()
     return [
         (f"after {at_s / 60:.0f} min, {count} versions", f"{rss:.0f} MiB server, {heap:.0f} page")
         for at_s, count, rss, heap in samples
