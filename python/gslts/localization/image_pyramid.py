@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
-from gslts.localization.constants import BLOCK_PX, MAX_DEPTH_M, MAX_USED_PX, MIN_SIDE_PX
+from gslts.localization.constants import (
+    BLOCK_PX,
+    MAX_DEPTH_M,
+    MAX_USED_PX,
+    MIN_FINEST_PX,
+    MIN_SIDE_PX,
+)
 from gslts.types import Bools, Floats32
 
 
@@ -45,10 +51,13 @@ class ImagePyramid:
         """Return the levels from the coarsest to the finest one that is used.
 
         Args:
-            halvings: Level of the finest image, if the pyramid has it.
+            halvings: Level of the finest image, if the pyramid has it and it is wide enough.
         """
         coarsest = len(self.frames) - 1
-        return range(coarsest, min(halvings, coarsest) - 1, -1)
+        finest = min(halvings, coarsest)
+        while finest > 0 and self.colors[finest].shape[1] < MIN_FINEST_PX:
+            finest -= 1
+        return range(coarsest, finest - 1, -1)
 
     def used_pixels(self, level: int) -> Bools:
         """Select the pixels that are compared: blocks spread over the valid part of an image.
