@@ -32,7 +32,7 @@ MAX_LOG_ODDS = 3.0
 single view may outvote all others."""
 GIVE_UP_LOG_ODDS = -3 * MAX_LOG_ODDS
 """Evidence at which no more views of a region are taken: as of three views that show nothing there.
-Of a full tour of nine, seven of the others would have to show it."""
+Of the other six of a full tour, four would have to show it without doubt."""
 MIN_MEASURED_SHARE = 0.1
 """Minimum share of changed pixels with measured depth; glass and mirrors have less."""
 MIN_PART_SHARE = 0.5

@@ -158,7 +158,8 @@ class Tour:
         self.frames.append((frame, detection))
         for row, other in enumerate(self.regions):
             log_odds = log_odds_of(other, detection)
-            if shown[row] and not isinstance(log_odds, str):
+            # Frames that were taken for another region may show this one from far away.
+            if row == index and shown[row] and not isinstance(log_odds, str):
                 self._log_odds[row] += log_odds
             own = [surface for surface in detection.surfaces if other.matches(surface)]
             self.regions[row] = other.include(
