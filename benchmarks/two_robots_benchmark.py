@@ -1,6 +1,7 @@
 """Compares two robots that share a map with one robot that sees all changes itself.
 
-    python benchmarks/two_robots_benchmark.py                    # 20 changes of a small kitchen
+    python benchmarks/two_robots_benchmark.py                          # a small kitchen
+    python benchmarks/two_robots_benchmark.py --room flat --frames 300   # three rooms
 
 After each change, the robots that see it integrate it into their clones, and then both exchange
 versions. A third of the changes is seen by both at once. Prints JSON: which changes the events of
@@ -109,6 +110,7 @@ def main() -> None:
     parser.add_argument("--room", default="kitchen")
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--changes", type=int, default=20)
+    parser.add_argument("--frames", type=int, default=120, help="frames of the first map")
     parser.add_argument("--out", type=Path, default=Path("out/two_robots"))
     given = parser.parse_args()
     shutil.rmtree(given.out, ignore_errors=True)
@@ -117,7 +119,9 @@ def main() -> None:
     tasks = TaskMaker(SETTING, given.seed).make_sequence(source, coarse, given.changes)
     task = next(tasks)
     state = task.states(source.load(given.out))[0]
-    make_home_map(robot_in(state, task.sensor, task.sensor.seed_before), given.out)
+    make_home_map(
+        robot_in(state, task.sensor, task.sensor.seed_before), given.out, given.frames
+    )
     alone, anna, ben = (given.out / name for name in ("alone", "anna", "ben"))
     url = f"file://{given.out.resolve()}/bucket"
     shutil.copytree(given.out / "map", alone)

@@ -47,9 +47,9 @@ def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
     )
 
 
-def make_home_map(robot: Controller, folder: Path) -> GaussianMap:
+def make_home_map(robot: Controller, folder: Path, frames: int = 120) -> GaussianMap:
     """Record and map a home, into a new folder."""
-    viewpoints, _ = explore(robot.home, 120)
+    viewpoints, _ = explore(robot.home, frames)
     capture(robot, tqdm(viewpoints, desc="recording", leave=False), folder / "recording")
     with tqdm(total=100, desc="mapping", leave=False) as bar:
         result = make_map(
