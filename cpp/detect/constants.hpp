@@ -43,7 +43,8 @@ constexpr int kJoin_px = 3;
 constexpr double kShadow_m = 0.15;
 
 /// Maximum colour change of a shadow that more or less light does not explain, sum of the channels.
-/// Of flat changes beside objects that changed, shadows had at most 0.2, objects 0.35 and more.
+/// Of flat changes beside objects that changed, in two homes, shadows had at most 0.17, objects 0.33
+/// and more.
 constexpr double kMaxShadowColor = 0.25;
 
 /// Maximum distance of parts of one object: in m, and as a share of the size of the larger part, so
