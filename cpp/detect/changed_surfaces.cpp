@@ -3,7 +3,6 @@
 #include <utility>
 #include <vector>
 
-#include "color_histogram.hpp"
 #include "depth_change.hpp"
 #include "evidence.hpp"
 #include "flat_change.hpp"
@@ -104,28 +103,9 @@ double gap_m(const Surface& a, const Surface& b) {
   return (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(0).norm();
 }
 
-/// Tests whether pixels of two parts are within `kTouching_px` of each other.
-bool touch(const Part& a, const Part& b, const Camera& camera) {
-  const cv::Rect common =
-      with_ring(box_of(a.pixels, camera), camera) & with_ring(box_of(b.pixels, camera), camera);
-  if (common.empty()) return false;
-  const cv::Mat grown = grow(mask_of(a.pixels, camera)(common).clone(), kTouching_px);
-  return cv::countNonZero(grown & mask_of(b.pixels, camera)(common)) > 0;
-}
-
-/// Tests whether two parts are of one object: near each other, and in the image side by side or of
-/// the same colours.
-bool are_one_object(const Part& a, const Part& b, double max_gap_m, const Camera& camera) {
-  const Surface &first = a.surface, &second = b.surface;
-  return first.side == second.side && gap_m(first, second) <= max_gap_m &&
-         (distance(first.color_histogram, second.color_histogram) <= kMaxPartColors ||
-          touch(a, b, camera));
-}
-
-/// Maximum distance of two parts of one object, m.
-double max_gap_m(const Surface& a, const Surface& b) {
+bool are_one_object(const Surface& a, const Surface& b) {
   const double size_m = std::max((a.high - a.low).norm(), (b.high - b.low).norm());
-  return std::min(kMaxGap_m, kMaxGapShare * size_m);
+  return a.side == b.side && gap_m(a, b) <= std::min(kMaxGap_m, kMaxGapShare * size_m);
 }
 
 /// Adds the pixels of another part to a part.
@@ -140,24 +120,19 @@ void join(const Views& views, Part& part, const Part& other) {
   part.surface.flat = flat;
 }
 
-/// Adds flat parts: one near a raised part is more of it, its shadow, which is left out, or another
-/// object.
-void add_flat_parts(const Views& views, const Masks& masks, std::vector<Part> flats,
-                    std::vector<Part>& parts) {
+/// Adds flat parts: one beside a raised part is more of it if both are of one side, else its
+/// shadow.
+void add_flat_parts(const Views& views, std::vector<Part> flats, std::vector<Part>& parts) {
   const std::size_t raised = parts.size();
   for (Part& flat : flats) {
     const auto end = parts.begin() + std::ptrdiff_t(raised);
-    const auto whole = std::find_if(parts.begin(), end, [&](const Part& part) {
-      return are_one_object(part, flat, kShadow_m, views.camera);
-    });
-    const bool near_raised = std::any_of(parts.begin(), end, [&](const Part& part) {
+    const auto near = std::find_if(parts.begin(), end, [&](const Part& part) {
       return gap_m(part.surface, flat.surface) <= kShadow_m;
     });
-    if (whole != end) {
-      join(views, *whole, flat);
-    } else if (!near_raised || evidence_of(views, masks, flat.pixels, flat.surface)
-                                       .residual_color > kMaxShadowColor) {
+    if (near == end) {
       parts.push_back(std::move(flat));
+    } else if (near->surface.side == flat.surface.side) {
+      join(views, *near, flat);
     }
   }
 }
@@ -167,8 +142,7 @@ void join_parts(const Views& views, std::vector<Part>& parts) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     std::size_t j = i + 1;
     while (j < parts.size()) {
-      const double gap = max_gap_m(parts[i].surface, parts[j].surface);
-      if (!are_one_object(parts[i], parts[j], gap, views.camera)) {
+      if (!are_one_object(parts[i].surface, parts[j].surface)) {
         ++j;
         continue;
       }
@@ -196,7 +170,7 @@ Surfaces find_changed_surfaces(const Views& views, const Masks& masks, const Obj
   for (Part& part : raised_parts(views, depth.vanished, Side::kBefore, depth.steps, rule)) {
     parts.push_back(std::move(part));
   }
-  add_flat_parts(views, masks, flat_parts(views, colors, parts, rule), parts);
+  add_flat_parts(views, flat_parts(views, colors, parts, rule), parts);
   join_parts(views, parts);
 
   Surfaces result;

@@ -42,19 +42,9 @@ constexpr int kJoin_px = 3;
 /// Maximum distance, m, of a flat surface from a raised one of which it is the shadow or a part.
 constexpr double kShadow_m = 0.15;
 
-/// Maximum colour change of a shadow that more or less light does not explain, sum of the channels.
-/// Of flat changes beside objects that changed, in two homes, shadows had at most 0.17, objects 0.33
-/// and more.
-constexpr double kMaxShadowColor = 0.25;
-
 /// Maximum distance of parts of one object: in m, and as a share of the size of the larger part, so
 /// that small objects side by side stay apart.
 constexpr double kMaxGap_m = 0.12, kMaxGapShare = 0.5;
-
-/// Parts of one object are this near in the image, px, or their colour histograms at most this
-/// distance apart.
-constexpr int kTouching_px = 4;
-constexpr double kMaxPartColors = 0.4;
 
 // Flat changes (flat_change.cpp).
 

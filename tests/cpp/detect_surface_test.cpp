@@ -6,9 +6,6 @@
 namespace gslts::detect {
 namespace {
 
-using ::testing::ElementsAre;
-using ::testing::Field;
-using ::testing::UnorderedElementsAre;
 using testing::ImagePair;
 using In = ImagePair::In;
 
@@ -208,34 +205,6 @@ TEST(Parts, SmallObjectsSideBySideStayTwo) {
   pair.put(In::kFrame, 40, 40, 5, 7, 1.6f, 0.8f, 0.2f, 0.2f);
   pair.put(In::kFrame, 53, 40, 5, 7, 1.6f, 0.8f, 0.2f, 0.2f);
   EXPECT_EQ(surfaces_in(pair).size(), 2u);
-}
-
-TEST(Parts, OtherColoursAreOneObjectOnlyIfTheyTouch) {
-  for (const int gap_px : {2, 8}) {
-    ImagePair pair;
-    pair.put(In::kFrame, 40, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
-    pair.put(In::kFrame, 60 + gap_px, 40, 20, 10, 1.6f, 0.2f, 0.2f, 0.8f);
-    EXPECT_EQ(surfaces_in(pair).size(), gap_px == 2 ? 1u : 2u);
-  }
-}
-
-TEST(Parts, FlatObjectBesideARaisedOneIsAnother) {
-  for (const In where : {In::kFrame, In::kMap}) {
-    ImagePair pair;
-    pair.put(In::kFrame, 40, 40, 20, 10, 1.92f, 0.8f, 0.2f, 0.2f);
-    pair.put(where, 66, 40, 20, 10, ImagePair::kWall_m, 0.2f, 0.2f, 0.8f);
-    EXPECT_THAT(surfaces_in(pair), UnorderedElementsAre(Field(&Surface::flat, false),
-                                                        Field(&Surface::flat, true)));
-  }
-}
-
-TEST(Parts, ShadowBesideARaisedObjectIsLeftOut) {
-  for (const In where : {In::kFrame, In::kMap}) {
-    ImagePair pair;
-    pair.put(In::kFrame, 40, 40, 20, 10, 1.92f, 0.8f, 0.2f, 0.2f);
-    pair.put(where, 66, 40, 20, 10, ImagePair::kWall_m, 0.35f, 0.35f, 0.35f);
-    EXPECT_THAT(surfaces_in(pair), ElementsAre(Field(&Surface::flat, false)));
-  }
 }
 
 }  // namespace
