@@ -119,9 +119,7 @@ def main() -> None:
     tasks = TaskMaker(SETTING, given.seed).make_sequence(source, coarse, given.changes)
     task = next(tasks)
     state = task.states(source.load(given.out))[0]
-    make_home_map(
-        robot_in(state, task.sensor, task.sensor.seed_before), given.out, given.frames
-    )
+    make_home_map(robot_in(state, task.sensor, task.sensor.seed_before), given.out, given.frames)
     alone, anna, ben = (given.out / name for name in ("alone", "anna", "ben"))
     url = f"file://{given.out.resolve()}/bucket"
     shutil.copytree(given.out / "map", alone)
