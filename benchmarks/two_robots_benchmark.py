@@ -1,6 +1,6 @@
 """Compares two robots that share a map with one robot that sees all changes itself.
 
-    python benchmarks/two_robots_benchmark.py                          # a small kitchen
+    python benchmarks/two_robots_benchmark.py                            # a small kitchen
     python benchmarks/two_robots_benchmark.py --room flat --frames 300   # three rooms
 
 After each change, the robots that see it integrate it into their clones, and then both exchange
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
-from year_benchmark import make_home_map, robot_in
+from year_benchmark import FRAMES, make_home_map, robot_in
 
 from gslts.change.config import DetectionConfig
 from gslts.core.camera import Camera
@@ -110,7 +110,7 @@ def main() -> None:
     parser.add_argument("--room", default="kitchen")
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--changes", type=int, default=20)
-    parser.add_argument("--frames", type=int, default=120, help="frames of the first map")
+    parser.add_argument("--frames", type=int, default=FRAMES, help="frames of the first map")
     parser.add_argument("--out", type=Path, default=Path("out/two_robots"))
     given = parser.parse_args()
     shutil.rmtree(given.out, ignore_errors=True)

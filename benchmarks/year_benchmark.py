@@ -40,6 +40,10 @@ from gslts_sim.task import SensorSetup
 from gslts_sim.tasks import TaskMaker
 
 
+FRAMES = 120
+"""Number of frames of the first map."""
+
+
 def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
     """Return a robot in a home, with a seed of the sensor noise."""
     return Controller(
@@ -47,7 +51,7 @@ def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
     )
 
 
-def make_home_map(robot: Controller, folder: Path, frames: int = 120) -> GaussianMap:
+def make_home_map(robot: Controller, folder: Path, frames: int = FRAMES) -> GaussianMap:
     """Record and map a home, into a new folder."""
     viewpoints, _ = explore(robot.home, frames)
     capture(robot, tqdm(viewpoints, desc="recording", leave=False), folder / "recording")

@@ -156,11 +156,11 @@ class Tour:
             self.skipped.append(f"{name}: {detection.unreliable}")
             return False
         self.frames.append((frame, detection))
+        # Not those of other regions, which this frame may show from far away.
+        log_odds = log_odds_of(self.regions[index], detection)
+        if shown[index] and not isinstance(log_odds, str):
+            self._log_odds[index] += log_odds
         for row, other in enumerate(self.regions):
-            log_odds = log_odds_of(other, detection)
-            # Frames that were taken for another region may show this one from far away.
-            if row == index and shown[row] and not isinstance(log_odds, str):
-                self._log_odds[row] += log_odds
             own = [surface for surface in detection.surfaces if other.matches(surface)]
             self.regions[row] = other.include(
                 (surface.low for surface in own), (surface.high for surface in own)
