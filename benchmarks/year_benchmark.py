@@ -39,7 +39,6 @@ from gslts_sim.home_source import HomeSource
 from gslts_sim.task import SensorSetup
 from gslts_sim.tasks import TaskMaker
 
-
 FRAMES = 120
 """Number of frames of the first map."""
 
