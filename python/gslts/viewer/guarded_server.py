@@ -137,18 +137,6 @@ def _guarding(
         websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
-def send_each_alone(client: Any) -> None:
-    """Send what comes to a page one by one, where viser joins up to 128 parts to a message.
-
-    The arrays of a page are views into the message that they came in. One that is still shown would
-    keep all others of its message in memory.
-
-    Args:
-        client: Of viser.
-    """
-    client._websock_connection.get_message_buffer().max_window_size = 1
-
-
 def check_request(request: Request, token: str | None) -> Response | None:
     """Decide on a request before anything is done for it.
 

@@ -14,7 +14,6 @@ from gslts.types import Floats
 from gslts.viewer.blocks import Block, Cell
 from gslts.viewer.divider import STILL_M, Divider
 from gslts.viewer.goals import Goal
-from gslts.viewer.guarded_server import send_each_alone
 from gslts.viewer.live import LiveFrame
 from gslts.viewer.object_panel import ObjectPanel
 from gslts.viewer.overlay import Overlay
@@ -129,7 +128,6 @@ class Page:
             self._look(position, target)
             self._divider.show_still()
         self._wait_until_at(position)
-        send_each_alone(self._client)
         self._show_version()
 
     def _wait_until_at(self, position: Floats) -> None:
