@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from gslts._core.fusion import SurfaceVoxels
+from gslts.change.constants import MAX_FINE_QUANTUM_M
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.flat_objects import find_flat_object, recolored_pixels
 from gslts.update.region import Region, Side
@@ -20,9 +21,9 @@ from gslts.update.views import View, pixels_in_region
 from gslts.update.voxel_groups import MIN_VIEWS, VOXEL_M, connected_to_region
 
 DEPTH_STEP_M, DEPTH_STEP_PER_M = 0.025, 0.006
-"""Minimum difference of depth between two surfaces: a constant, or the step of coarse depths if it
-is larger, m, and a factor of the squared depth, 1/m, as the noise of a structured-light camera
-grows."""
+"""Minimum difference of depth between two surfaces: a constant, m (for flat objects the step of
+coarse depths if it is larger), and a factor of the squared depth, 1/m, as the noise of a
+structured-light camera grows."""
 EDGE_WINDOW_PX = 5
 """A surface must be nearer than all others in a window of this size, because edges may be
 misplaced by two pixels."""
@@ -79,12 +80,18 @@ def _depth(view: View, side: Side) -> Floats32:
 
 
 def _changed_pixels(view: View, side: Side) -> Bools:
-    """Return [H,W] pixels whose surface of one side is nearer than all of the other side around."""
+    """Return [H,W] pixels whose surface of one side is nearer than all of the other side around.
+
+    None where depth is coarse: a table would be nearer by a step here and there, and so be a part
+    of what stands on it.
+    """
     depth = _depth(view, side)
+    if view.depth_quantum_m > MAX_FINE_QUANTUM_M:
+        return np.zeros(depth.shape, np.bool_)
     other = _depth(view, "after" if side == "before" else "before")
     known = np.where(other > 0, other, np.float32(np.inf))
     nearest = cv2.erode(known, np.ones((EDGE_WINDOW_PX, EDGE_WINDOW_PX), np.uint8))
-    step_m = max(DEPTH_STEP_M, view.depth_quantum_m) + DEPTH_STEP_PER_M * depth**2
+    step_m = DEPTH_STEP_M + DEPTH_STEP_PER_M * depth**2
     return np.asarray((depth > 0) & np.isfinite(nearest) & (depth < nearest - step_m), np.bool_)
 
 

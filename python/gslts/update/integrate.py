@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -26,12 +26,12 @@ from gslts.store.causes import UpdateRecord
 from gslts.store.delta import Delta, apply_deltas, compare_by_ids
 from gslts.types import Bools, Indices
 from gslts.update.config import UpdateConfig
-from gslts.update.edit import pre_edit
+from gslts.update.edit import Edit, pre_edit
+from gslts.update.naming import name_changes
 from gslts.update.part import rows_of_update
-from gslts.update.refine import OnStep
+from gslts.update.refine import OnStep, Refinement
 from gslts.update.region import Region
-from gslts.update.selection import gaussians_in_regions
-from gslts.update.settle import active_gaussians, refine_edit
+from gslts.update.settle import active_gaussians, is_shown_by_few, refine_edit
 from gslts.update.steadiness import unsteady_share
 from gslts.update.verify import error_in_regions, split_views
 from gslts.update.view_collection import Collection, collect_views
@@ -47,9 +47,6 @@ object."""
 MAX_ERROR_SHARE = 0.98
 """Maximum error of validation views after an update, as a share of that before. Refinement
 lowered it by 0.3 % in a home that the map does not show; true changes lower it by 10 % and more."""
-SEMANTICS_MARGIN_M = 0.02
-"""Margin around a region in which semantic features are recomputed: the table below a removed
-object becomes visible, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +154,7 @@ def integrate_changes(
         collection.views, collection.regions_by_change, config.collect.validation_every
     )
     if record.rejected is None and semantics is not None:
-        updated, collection = _name(before, updated, collection, training, semantics, config)
+        updated, collection = name_changes(before, updated, collection, semantics, config)
         kinds = tuple(change.kind for change in collection.changes)
         record = record.model_copy(update={"kinds": kinds})
     confirmed, rejected = collection.changes, collection.rejected
@@ -203,7 +200,8 @@ def integrate_views(
     """Update a map by collected views: pre-edit, refine and verify.
 
     A change after which validation views do not fit better is left out, and the map is updated by
-    the others anew.
+    the others anew. Where few views show a change, the verified update is made once more by all of
+    them: a validation view is up to half of what is known of the object.
 
     Args:
         gaussian_map: float32.
@@ -230,8 +228,28 @@ def integrate_views(
         if record.rejected is not None:
             return gaussian_map, collection, record
         if not any(reasons):
-            return updated, collection, record
+            break
         collection = collection.reject(reasons, gaussian_map, config.threads)
+    training, _ = split_views(
+        collection.views, collection.regions_by_change, config.collect.validation_every
+    )
+    if not any(is_shown_by_few(region, training) for region in collection.regions):
+        return updated, collection, record
+    edit = _pre_edit(gaussian_map, collection, collection.views, config, first_id)
+    refined = refine_edit(
+        gaussian_map,
+        edit,
+        cameras,
+        collection.views,
+        collection.regions,
+        config,
+        detector,
+        on_step,
+    )
+    clock.stop("refining")
+    counts = _counts(edit, refined, collection, collection.views, config)
+    record = record.model_copy(update={**counts, "seconds": clock.seconds})
+    return refined.gaussian_map, collection, record
 
 
 def _integrate_once(
@@ -257,17 +275,8 @@ def _integrate_once(
         reasons = dict.fromkeys(reason for _, reason in collection.rejected)
         return gaussian_map, [], _reject(record, "; ".join(reasons) or "nothing changed", clock)
 
-    moved = collection.move(gaussian_map)
-    edit = pre_edit(
-        moved,
-        training,
-        by_change,
-        config.edit,
-        moved=[bool(rows.any()) for rows in collection.moved],
-        first_id=first_id,
-        threads=threads,
-    )
-    unsteady = unsteady_share(moved, edit, training)
+    edit = _pre_edit(gaussian_map, collection, training, config, first_id)
+    unsteady = unsteady_share(collection.move(gaussian_map), edit, training)
     clock.stop("editing")
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
     if unsteady > MAX_UNSTEADY_SHARE:
@@ -281,11 +290,9 @@ def _integrate_once(
     before = [error_in_regions(gaussian_map, validation, own, threads) for own in groups]
     after = [error_in_regions(refined.gaussian_map, validation, own, threads) for own in groups]
     clock.stop("verifying")
-    active = active_gaussians(edit, regions, config.refine.reach_m)
     record = record.model_copy(
         update={
-            "refined": int(active.sum()) if refined.iterations else 0,
-            "iterations": refined.iterations,
+            **_counts(edit, refined, collection, training, config),
             "psnr_before_db": _psnr_db(before[0]),
             "psnr_after_db": _psnr_db(after[0]),
             "seconds": clock.seconds,
@@ -299,43 +306,40 @@ def _integrate_once(
     return refined.gaussian_map, by_itself, record
 
 
-def _name(
-    before: GaussianMap,
-    updated: GaussianMap,
+def _pre_edit(
+    gaussian_map: GaussianMap,
     collection: Collection,
-    training: Sequence[View],
-    semantics: MapSemantics,
+    views: Sequence[View],
     config: UpdateConfig,
-) -> tuple[GaussianMap, Collection]:
-    """Return the map with semantic features of what is new.
+    first_id: int | None,
+) -> Edit:
+    """Return the map with shifted objects moved, without what is gone, and with what is new."""
+    return pre_edit(
+        collection.move(gaussian_map),
+        views,
+        collection.regions_by_change,
+        config.edit,
+        moved=[bool(rows.any()) for rows in collection.moved],
+        first_id=first_id,
+        threads=config.threads,
+    )
 
-    A relocated object keeps its features, and so does a shifted one with all that stands on it. If
-    the frames call what came by another name than the map calls what is gone, these are two
-    objects, and two changes.
-    """
-    frames = [(view.frame, view.changed) for view in training]
-    new, removed = ~np.isin(updated.ids, before.ids), ~np.isin(before.ids, updated.ids)
-    by_change = list(zip(collection.changes, collection.regions_by_change, strict=True))
-    replaced = [region for change, own in by_change for region in own if change.kind != "shift"]
-    stale = new | gaussians_in_regions(updated, replaced, SEMANTICS_MARGIN_M)
-    observed = semantics.update_features(updated, stale, frames, config.threads)
-    features, apart = observed.features.copy(), []
-    for change, regions in by_change:
-        if change.kind != "relocation":
-            apart.append(False)
-            continue
-        (old,), (destination,) = (
-            [region for region in regions if region.side == side] for side in ("before", "after")
-        )
-        gone = np.flatnonzero(removed & gaussians_in_regions(before, [old], 0.0))
-        came = np.flatnonzero(new & gaussians_in_regions(updated, [destination], 0.0))
-        names = {semantics.name_of(before, gone), semantics.name_of(observed, came)}
-        apart.append(len(names - {None}) == 2)
-        if not apart[-1]:
-            near = gaussians_in_regions(updated, [destination], config.edit.margin_m)
-            kept = near & updated.features.any(axis=1)
-            features[kept] = updated.features[kept]
-    return replace(observed, features=features), collection.separate(apart)
+
+def _counts(
+    edit: Edit,
+    refined: Refinement,
+    collection: Collection,
+    views: Sequence[View],
+    config: UpdateConfig,
+) -> dict[str, int]:
+    """Return the fields of a record that count Gaussians and steps."""
+    active = active_gaussians(edit, collection.regions, views, config.refine)
+    return {
+        "removed": int(edit.removed.sum()),
+        "added": edit.added,
+        "refined": int(active.sum()) if refined.iterations else 0,
+        "iterations": refined.iterations,
+    }
 
 
 class _Clock:

@@ -5,7 +5,7 @@ Source: GS-LTS, sec. III-D, post-training. The repetition is ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,14 +14,19 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.types import Bools
-from gslts.update.config import UpdateConfig
+from gslts.update.config import RefineConfig, UpdateConfig
 from gslts.update.edit import Edit
+from gslts.update.evidence import is_visible
 from gslts.update.refine import OnStep, Refinement, refine
 from gslts.update.region import Region
 from gslts.update.targets import replay_targets, view_targets
 from gslts.update.verify import remaining_confidence
 from gslts.update.views import View, largest_range_m
 
+MIN_VIEWS_BESIDE, FEW_VIEWS_REACH_M = 3, 0.1
+"""Minimum number of training views of a region, and the reach of its refinement with fewer, m. One
+or two views do not determine what they show from another side: a few centimetres of error of their
+poses would distort it."""
 RADIUS_SIGMAS = 2
 """Radius of a Gaussian, in its largest standard deviation."""
 SETTLED_SHARE = 0.5
@@ -57,7 +62,7 @@ def refine_edit(
         The last refinement, with the iterations of all.
     """
     settings = config.refine
-    active = active_gaussians(edit, regions, settings.reach_m)
+    active = active_gaussians(edit, regions, training, settings)
     targets = view_targets(training, regions, settings)
     targets += replay_targets(
         before,
@@ -116,7 +121,9 @@ def refine_until_settled(
     return refined
 
 
-def active_gaussians(edit: Edit, regions: Sequence[Region], reach_m: float) -> Bools:
+def active_gaussians(
+    edit: Edit, regions: Sequence[Region], training: Sequence[View], config: RefineConfig
+) -> Bools:
     """Return the Gaussians that the refinement may change: new ones, and those near the regions.
 
     A Gaussian that reaches farther would also change where no view of the regions sees it.
@@ -124,14 +131,29 @@ def active_gaussians(edit: Edit, regions: Sequence[Region], reach_m: float) -> B
     Args:
         edit: Edited map.
         regions: Regions of the changes.
-        reach_m: Maximum distance from a region to the far side of a Gaussian, m.
+        training: Training views of the changes.
+        config: Settings.
 
     Returns:
         [N] bool.
     """
-    active = near_regions(edit.gaussian_map, regions, reach_m)
+    active = np.zeros(edit.gaussian_map.size, np.bool_)
+    for region in regions:
+        few = is_shown_by_few(region, training)
+        reach_m = min(FEW_VIEWS_REACH_M, config.reach_m) if few else config.reach_m
+        active |= near_regions(edit.gaussian_map, [region], reach_m)
     active[active.size - edit.added :] = True
     return active
+
+
+def is_shown_by_few(region: Region, views: Iterable[View]) -> bool:
+    """Return whether too few views show a region to refine what stands beside it.
+
+    Args:
+        region: Of a change.
+        views: By which the map is refined.
+    """
+    return sum(is_visible(view.frame, region) for view in views) < MIN_VIEWS_BESIDE
 
 
 def near_regions(gaussian_map: GaussianMap, regions: Sequence[Region], reach_m: float) -> Bools:

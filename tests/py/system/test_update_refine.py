@@ -13,7 +13,9 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
+from gslts.update.evidence import is_visible
 from gslts.update.refine import Refinement, refine
+from gslts.update.region import Region
 from gslts.update.settle import active_gaussians
 from gslts.update.targets import Target, replay_targets, spread_cameras, view_targets
 from gslts.update.verify import error_in_regions, split_views
@@ -30,7 +32,7 @@ def edit_of(kind: str) -> Edit:
 
 def refined(kind: str, config: RefineConfig = CONFIG, threads: int = 1) -> tuple[Edit, Refinement]:
     found, edit = update_room.collected(kind), edit_of(kind)
-    active = active_gaussians(edit, found.regions, config.reach_m)
+    active = active_gaussians(edit, found.regions, found.views, config)
     targets = view_targets(found.views, found.regions, config)
     return edit, refine(edit.gaussian_map, targets, active, config, threads=threads)
 
@@ -54,8 +56,8 @@ def test_each_stage_lowers_the_error_around_the_change(kind: str) -> None:
 
 
 def test_inactive_gaussians_are_bit_identical() -> None:
-    edit, result = refined("removal")
-    active = active_gaussians(edit, update_room.collected("removal").regions, CONFIG.reach_m)
+    found, (edit, result) = update_room.collected("removal"), refined("removal")
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     assert 0 < active.sum() < 0.5 * active.size
     for name in ARRAYS:
         old, new = getattr(edit.gaussian_map, name), getattr(result.gaussian_map, name)
@@ -63,17 +65,39 @@ def test_inactive_gaussians_are_bit_identical() -> None:
     assert (result.gaussian_map.sh[active] != edit.gaussian_map.sh[active]).any()
 
 
-def test_gaussians_that_reach_beyond_the_region_are_inactive() -> None:
+def two_gaussians(distance_m: float) -> tuple[GaussianMap, Region]:
+    """Return a round Gaussian and a long one beside a region."""
     gaussian_map, _ = change_room.mapped()
     region = update_room.collected("removal").regions[0]
-    two = gaussian_map.select(np.arange(2))
     scales_m = np.array([[0.02, 0.02, 0.02], [0.02, 0.02, 0.3]], np.float32)
-    means = np.repeat(region.high[None] + 0.1, 2, axis=0).astype(np.float32)
-    two = replace(two, means=means, log_scales=np.log(scales_m))
-    unchanged = np.zeros(2, np.bool_)
-    assert active_gaussians(Edit(two, unchanged, 0), [region], 0.45).tolist() == [True, False]
-    assert active_gaussians(Edit(two, unchanged, 1), [region], 0.45).tolist() == [True, True]
-    assert active_gaussians(Edit(two, unchanged, 0), [region], 0.12).tolist() == [False, False]
+    means = np.repeat(region.high[None] + distance_m, 2, axis=0).astype(np.float32)
+    two = gaussian_map.select(np.arange(2))
+    return replace(two, means=means, log_scales=np.log(scales_m)), region
+
+
+@pytest.mark.parametrize(
+    ("added", "reach_m", "expected"),
+    [(0, 0.45, [True, False]), (1, 0.45, [True, True]), (0, 0.12, [False, False])],
+)
+def test_gaussians_that_reach_beyond_the_region_are_inactive(
+    added: int, reach_m: float, expected: list[bool]
+) -> None:
+    two, region = two_gaussians(0.1)
+    edit = Edit(two, np.zeros(2, np.bool_), added)
+    config = CONFIG.model_copy(update={"reach_m": reach_m})
+    views = update_room.collected("removal").views
+    assert active_gaussians(edit, [region], views, config).tolist() == expected
+
+
+@pytest.mark.parametrize(("views", "beside"), [(2, False), (3, True)])
+def test_few_views_leave_what_stands_beside_a_change_as_it_is(views: int, beside: bool) -> None:
+    found = update_room.collected("removal")
+    for distance_m, expected in ((0.02, True), (0.2, beside)):
+        two, region = two_gaussians(distance_m)
+        seeing = [view for view in found.views if is_visible(view.frame, region)]
+        edit = Edit(two, np.zeros(2, np.bool_), 0)
+        active = active_gaussians(edit, [region], seeing[:views], CONFIG)
+        assert active.tolist() == [expected, False]
 
 
 def test_refinement_does_not_depend_on_the_number_of_threads() -> None:
@@ -102,7 +126,7 @@ def test_refinement_ends_when_the_loss_converges() -> None:
 
 def test_new_views_get_the_configured_number_of_visits() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, CONFIG.reach_m)
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     once = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 1}))
     thrice = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 3}))
     repeated = [target for target in once for _ in range(3)]
@@ -117,7 +141,7 @@ def test_new_views_get_the_configured_number_of_visits() -> None:
 
 def test_on_step_is_called_after_each_step() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, CONFIG.reach_m)
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     targets = view_targets(found.views, found.regions, CONFIG)
     seen: dict[int, GaussianMap] = {}
     result = refine(

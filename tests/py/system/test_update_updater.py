@@ -16,6 +16,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
+from gslts.update.evidence import is_visible
 from gslts.update.integrate import (
     UpdateResult,
     integrate_changes,
@@ -24,6 +25,7 @@ from gslts.update.integrate import (
 from gslts.update.refine import Refinement
 from gslts.update.settle import refine_until_settled
 from gslts.update.steadiness import changes_once
+from gslts.update.verify import error_in_regions, split_views
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
 
@@ -275,3 +277,23 @@ def test_an_update_that_does_not_fit_validation_views_is_rejected() -> None:
     assert result is before
     assert record.rejected is not None
     assert record.rejected.startswith("validation views do not fit better: ")
+
+
+@pytest.mark.parametrize(("count", "all_views"), [(2, True), (8, False)])
+def test_few_views_all_train_once_the_change_is_verified(count: int, all_views: bool) -> None:
+    before, cameras = change_room.mapped()
+    found = update_room.collected("addition")
+    (region,) = found.regions
+    seeing = [view for view in found.views if is_visible(view.frame, region)]
+    some = replace(found, views=tuple(seeing[:count]))
+    updated, _, record = integrate_views(before, list(cameras.values()), some, UPDATE)
+    _, validation = split_views(some.views, some.regions_by_change, UPDATE.collect.validation_every)
+    assert (record.training_views, record.validation_views) == (
+        count - len(validation),
+        count // 4 or 1,
+    )
+    error = error_in_regions(updated, validation, some.regions)
+    assert error is not None
+    assert record.psnr_after_db is not None
+    assert (psnr_from_mse_db(error) > record.psnr_after_db + 1) == all_views
+    assert updated.size == before.size - record.removed + record.added

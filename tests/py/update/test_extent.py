@@ -88,6 +88,18 @@ def test_color_does_not_grow_removed_regions() -> None:
     assert not any(view.changed.any() for view in larger)
 
 
+@pytest.mark.parametrize(("quantum_m", "grows"), [(0.0, True), (0.039, False)])
+def test_coarse_depth_does_not_grow_regions(quantum_m: float, grows: bool) -> None:
+    """The map has all surfaces farther away."""
+    stepped = [
+        replace(view, rendered_depth=view.rendered_depth + 0.2, depth_quantum_m=quantum_m)
+        for view in views(changed=False)
+    ]
+    (region,), larger = extend_regions([PART], stepped)
+    assert (np.prod(region.high - region.low) > 10 * np.prod(PART.high - PART.low)) == grows
+    assert any(view.changed.any() for view in larger) == grows
+
+
 def test_given_views_are_not_modified() -> None:
     given = views(changed=True)
     extend_regions([PART], given)
