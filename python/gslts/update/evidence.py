@@ -21,8 +21,6 @@ from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
 
-BORDER_SHARE = 0.06
-"""Margin between the centre of a region and the border of the image, as a share of its width."""
 OCCLUSION_M = 0.15
 """A surface this much nearer than the region occludes it, m."""
 MIN_VIEWS = 2
@@ -53,14 +51,10 @@ def is_visible(frame: RgbdFrame, region: Region) -> bool:
     Returns:
         True if the centre is inside of the image and nothing measured occludes it.
     """
-    camera = frame.camera
-    center = region.project_center(camera)
+    center = region.project_center(frame.camera)
     if center is None:
         return False
     u, v, z = center
-    margin = BORDER_SHARE * camera.width
-    if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
-        return False
     depth = frame.registered().depth[int(v), int(u)]
     margin_m = OCCLUSION_M + 0.5 * float(np.linalg.norm(region.high - region.low))
     return not bool(0 < depth < z - margin_m)
