@@ -31,7 +31,7 @@ from gslts.update.naming import name_changes
 from gslts.update.part import rows_of_update
 from gslts.update.refine import OnStep, Refinement
 from gslts.update.region import Region
-from gslts.update.settle import active_gaussians, is_shown_by_few, refine_edit
+from gslts.update.settle import active_gaussians, reaches_of, refine_edit
 from gslts.update.steadiness import unsteady_share
 from gslts.update.verify import error_in_regions, split_views
 from gslts.update.view_collection import Collection, collect_views
@@ -230,10 +230,8 @@ def integrate_views(
         if not any(reasons):
             break
         collection = collection.reject(reasons, gaussian_map, config.threads)
-    training, _ = split_views(
-        collection.views, collection.regions_by_change, config.collect.validation_every
-    )
-    if not any(is_shown_by_few(region, training) for region in collection.regions):
+    reaches_m = reaches_of(collection.regions, collection.views, config.refine)
+    if all(reach_m == config.refine.reach_m for reach_m in reaches_m):
         return updated, collection, record
     edit = _pre_edit(gaussian_map, collection, collection.views, config, first_id)
     refined = refine_edit(
@@ -242,12 +240,13 @@ def integrate_views(
         cameras,
         collection.views,
         collection.regions,
+        reaches_m,
         config,
         detector,
         on_step,
     )
     clock.stop("refining")
-    counts = _counts(edit, refined, collection, collection.views, config)
+    counts = _counts(edit, refined, collection.regions, reaches_m)
     record = record.model_copy(update={**counts, "seconds": clock.seconds})
     return refined.gaussian_map, collection, record
 
@@ -283,7 +282,10 @@ def _integrate_once(
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
         return gaussian_map, [], _reject(record, reason, clock)
 
-    refined = refine_edit(gaussian_map, edit, cameras, training, regions, config, detector, on_step)
+    reaches_m = reaches_of(regions, collection.views, config.refine)
+    refined = refine_edit(
+        gaussian_map, edit, cameras, training, regions, reaches_m, config, detector, on_step
+    )
     clock.stop("refining")
 
     groups = (regions, *by_change)
@@ -292,7 +294,7 @@ def _integrate_once(
     clock.stop("verifying")
     record = record.model_copy(
         update={
-            **_counts(edit, refined, collection, training, config),
+            **_counts(edit, refined, regions, reaches_m),
             "psnr_before_db": _psnr_db(before[0]),
             "psnr_after_db": _psnr_db(after[0]),
             "seconds": clock.seconds,
@@ -326,14 +328,10 @@ def _pre_edit(
 
 
 def _counts(
-    edit: Edit,
-    refined: Refinement,
-    collection: Collection,
-    views: Sequence[View],
-    config: UpdateConfig,
+    edit: Edit, refined: Refinement, regions: Sequence[Region], reaches_m: Sequence[float]
 ) -> dict[str, int]:
     """Return the fields of a record that count Gaussians and steps."""
-    active = active_gaussians(edit, collection.regions, views, config.refine)
+    active = active_gaussians(edit, regions, reaches_m)
     return {
         "removed": int(edit.removed.sum()),
         "added": edit.added,

@@ -23,10 +23,10 @@ from gslts.update.targets import replay_targets, view_targets
 from gslts.update.verify import remaining_confidence
 from gslts.update.views import View, largest_range_m
 
-MIN_VIEWS_BESIDE, FEW_VIEWS_REACH_M = 3, 0.1
-"""Minimum number of training views of a region, and the reach of its refinement with fewer, m. One
-or two views do not determine what they show from another side: a few centimetres of error of their
-poses would distort it."""
+MIN_VIEWS_BESIDE, FEW_VIEWS_REACH_M = 4, 0.1
+"""Minimum number of views of a region, and the reach of its refinement with fewer, m. A few views
+do not determine what they show from another side: centimetres of error of their poses would distort
+it."""
 RADIUS_SIGMAS = 2
 """Radius of a Gaussian, in its largest standard deviation."""
 SETTLED_SHARE = 0.5
@@ -42,6 +42,7 @@ def refine_edit(
     cameras: Sequence[Camera],
     training: Sequence[View],
     regions: Sequence[Region],
+    reaches_m: Sequence[float],
     config: UpdateConfig,
     detector: ChangeDetector | None,
     on_step: OnStep,
@@ -54,6 +55,7 @@ def refine_edit(
         cameras: Training cameras of the map.
         training: Training views of the changes.
         regions: Regions of the changes.
+        reaches_m: Of each region, from `reaches_of`.
         config: Settings.
         detector: Of the map before the edit; None means one refinement.
         on_step: Called after each step.
@@ -62,7 +64,7 @@ def refine_edit(
         The last refinement, with the iterations of all.
     """
     settings = config.refine
-    active = active_gaussians(edit, regions, training, settings)
+    active = active_gaussians(edit, regions, reaches_m)
     targets = view_targets(training, regions, settings)
     targets += replay_targets(
         before,
@@ -121,9 +123,22 @@ def refine_until_settled(
     return refined
 
 
-def active_gaussians(
-    edit: Edit, regions: Sequence[Region], training: Sequence[View], config: RefineConfig
-) -> Bools:
+def reaches_of(
+    regions: Iterable[Region], views: Sequence[View], config: RefineConfig
+) -> list[float]:
+    """Return how far from each region Gaussians may change, m: less where few views show it.
+
+    Args:
+        regions: Regions of the changes.
+        views: All views of the changes.
+        config: Settings.
+    """
+    few_m = min(FEW_VIEWS_REACH_M, config.reach_m)
+    counts = [sum(is_visible(view.frame, region) for view in views) for region in regions]
+    return [few_m if count < MIN_VIEWS_BESIDE else config.reach_m for count in counts]
+
+
+def active_gaussians(edit: Edit, regions: Sequence[Region], reaches_m: Sequence[float]) -> Bools:
     """Return the Gaussians that the refinement may change: new ones, and those near the regions.
 
     A Gaussian that reaches farther would also change where no view of the regions sees it.
@@ -131,29 +146,16 @@ def active_gaussians(
     Args:
         edit: Edited map.
         regions: Regions of the changes.
-        training: Training views of the changes.
-        config: Settings.
+        reaches_m: Maximum distance from each region to the far side of a Gaussian, m.
 
     Returns:
         [N] bool.
     """
     active = np.zeros(edit.gaussian_map.size, np.bool_)
-    for region in regions:
-        few = is_shown_by_few(region, training)
-        reach_m = min(FEW_VIEWS_REACH_M, config.reach_m) if few else config.reach_m
+    for region, reach_m in zip(regions, reaches_m, strict=True):
         active |= near_regions(edit.gaussian_map, [region], reach_m)
     active[active.size - edit.added :] = True
     return active
-
-
-def is_shown_by_few(region: Region, views: Iterable[View]) -> bool:
-    """Return whether too few views show a region to refine what stands beside it.
-
-    Args:
-        region: Of a change.
-        views: By which the map is refined.
-    """
-    return sum(is_visible(view.frame, region) for view in views) < MIN_VIEWS_BESIDE
 
 
 def near_regions(gaussian_map: GaussianMap, regions: Sequence[Region], reach_m: float) -> Bools:

@@ -16,7 +16,7 @@ from gslts.update.edit import Edit, pre_edit
 from gslts.update.evidence import is_visible
 from gslts.update.refine import Refinement, refine
 from gslts.update.region import Region
-from gslts.update.settle import active_gaussians
+from gslts.update.settle import active_gaussians, reaches_of
 from gslts.update.targets import Target, replay_targets, spread_cameras, view_targets
 from gslts.update.verify import error_in_regions, split_views
 
@@ -32,7 +32,7 @@ def edit_of(kind: str) -> Edit:
 
 def refined(kind: str, config: RefineConfig = CONFIG, threads: int = 1) -> tuple[Edit, Refinement]:
     found, edit = update_room.collected(kind), edit_of(kind)
-    active = active_gaussians(edit, found.regions, found.views, config)
+    active = active_gaussians(edit, found.regions, len(found.regions) * [config.reach_m])
     targets = view_targets(found.views, found.regions, config)
     return edit, refine(edit.gaussian_map, targets, active, config, threads=threads)
 
@@ -57,7 +57,7 @@ def test_each_stage_lowers_the_error_around_the_change(kind: str) -> None:
 
 def test_inactive_gaussians_are_bit_identical() -> None:
     found, (edit, result) = update_room.collected("removal"), refined("removal")
-    active = active_gaussians(edit, found.regions, found.views, CONFIG)
+    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
     assert 0 < active.sum() < 0.5 * active.size
     for name in ARRAYS:
         old, new = getattr(edit.gaussian_map, name), getattr(result.gaussian_map, name)
@@ -84,20 +84,16 @@ def test_gaussians_that_reach_beyond_the_region_are_inactive(
 ) -> None:
     two, region = two_gaussians(0.1)
     edit = Edit(two, np.zeros(2, np.bool_), added)
-    config = CONFIG.model_copy(update={"reach_m": reach_m})
-    views = update_room.collected("removal").views
-    assert active_gaussians(edit, [region], views, config).tolist() == expected
+    assert active_gaussians(edit, [region], [reach_m]).tolist() == expected
 
 
-@pytest.mark.parametrize(("views", "beside"), [(2, False), (3, True)])
-def test_few_views_leave_what_stands_beside_a_change_as_it_is(views: int, beside: bool) -> None:
+@pytest.mark.parametrize(("views", "reach_m"), [(3, 0.1), (4, CONFIG.reach_m)])
+def test_few_views_leave_what_stands_beside_a_change_as_it_is(views: int, reach_m: float) -> None:
     found = update_room.collected("removal")
-    for distance_m, expected in ((0.02, True), (0.2, beside)):
-        two, region = two_gaussians(distance_m)
-        seeing = [view for view in found.views if is_visible(view.frame, region)]
-        edit = Edit(two, np.zeros(2, np.bool_), 0)
-        active = active_gaussians(edit, [region], seeing[:views], CONFIG)
-        assert active.tolist() == [expected, False]
+    seeing = [v for v in found.views if is_visible(v.frame, found.regions[0])]
+    assert reaches_of(found.regions, seeing[:views], CONFIG) == [reach_m]
+    short = CONFIG.model_copy(update={"reach_m": 0.05})
+    assert reaches_of(found.regions, seeing[:views], short) == [0.05]
 
 
 def test_refinement_does_not_depend_on_the_number_of_threads() -> None:
@@ -126,7 +122,7 @@ def test_refinement_ends_when_the_loss_converges() -> None:
 
 def test_new_views_get_the_configured_number_of_visits() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, found.views, CONFIG)
+    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
     once = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 1}))
     thrice = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 3}))
     repeated = [target for target in once for _ in range(3)]
@@ -141,7 +137,7 @@ def test_new_views_get_the_configured_number_of_visits() -> None:
 
 def test_on_step_is_called_after_each_step() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, found.views, CONFIG)
+    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
     targets = view_targets(found.views, found.regions, CONFIG)
     seen: dict[int, GaussianMap] = {}
     result = refine(
