@@ -113,8 +113,8 @@ class UpdateRecord(Record):
         skipped: Reasons for skipping other frames.
         removed, added, refined: Number of Gaussians.
         iterations: Refinement steps.
-        psnr_before_db, psnr_after_db: PSNR around the change in the validation views; None without
-            such a view.
+        psnr_before_db, psnr_after_db: PSNR around the change in the validation views, before these
+            may train it as well; None without such a view.
         seconds: Run time of each stage, s.
     """
 

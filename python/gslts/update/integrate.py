@@ -29,9 +29,9 @@ from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.naming import name_changes
 from gslts.update.part import rows_of_update
-from gslts.update.refine import OnStep, Refinement
+from gslts.update.refine import OnStep
 from gslts.update.region import Region
-from gslts.update.settle import active_gaussians, reaches_of, refine_edit
+from gslts.update.settle import active_gaussians, is_shown_by_few, refine_edit
 from gslts.update.steadiness import unsteady_share
 from gslts.update.verify import error_in_regions, split_views
 from gslts.update.view_collection import Collection, collect_views
@@ -230,25 +230,15 @@ def integrate_views(
         if not any(reasons):
             break
         collection = collection.reject(reasons, gaussian_map, config.threads)
-    reaches_m = reaches_of(collection.regions, collection.views, config.refine)
-    if all(reach_m == config.refine.reach_m for reach_m in reaches_m):
+    views = collection.views
+    if not any(is_shown_by_few(region, views) for region in collection.regions):
         return updated, collection, record
-    edit = _pre_edit(gaussian_map, collection, collection.views, config, first_id)
-    refined = refine_edit(
-        gaussian_map,
-        edit,
-        cameras,
-        collection.views,
-        collection.regions,
-        reaches_m,
-        config,
-        detector,
-        on_step,
+    edit = _pre_edit(gaussian_map, collection, views, config, first_id)
+    updated, counts = _refine(
+        gaussian_map, edit, cameras, collection, views, config, detector, on_step
     )
     clock.stop("refining")
-    counts = _counts(edit, refined, collection.regions, reaches_m)
-    record = record.model_copy(update={**counts, "seconds": clock.seconds})
-    return refined.gaussian_map, collection, record
+    return updated, collection, record.model_copy(update={**counts, "seconds": clock.seconds})
 
 
 def _integrate_once(
@@ -282,19 +272,18 @@ def _integrate_once(
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
         return gaussian_map, [], _reject(record, reason, clock)
 
-    reaches_m = reaches_of(regions, collection.views, config.refine)
-    refined = refine_edit(
-        gaussian_map, edit, cameras, training, regions, reaches_m, config, detector, on_step
+    refined, counts = _refine(
+        gaussian_map, edit, cameras, collection, training, config, detector, on_step
     )
     clock.stop("refining")
 
     groups = (regions, *by_change)
     before = [error_in_regions(gaussian_map, validation, own, threads) for own in groups]
-    after = [error_in_regions(refined.gaussian_map, validation, own, threads) for own in groups]
+    after = [error_in_regions(refined, validation, own, threads) for own in groups]
     clock.stop("verifying")
     record = record.model_copy(
         update={
-            **_counts(edit, refined, regions, reaches_m),
+            **counts,
             "psnr_before_db": _psnr_db(before[0]),
             "psnr_after_db": _psnr_db(after[0]),
             "seconds": clock.seconds,
@@ -305,7 +294,7 @@ def _integrate_once(
         return gaussian_map, [], _reject(record, "; ".join(filter(None, by_itself)), clock)
     if whole is not None and not any(by_itself):
         return gaussian_map, [], _reject(record, whole, clock)
-    return refined.gaussian_map, by_itself, record
+    return refined, by_itself, record
 
 
 def _pre_edit(
@@ -327,12 +316,23 @@ def _pre_edit(
     )
 
 
-def _counts(
-    edit: Edit, refined: Refinement, regions: Sequence[Region], reaches_m: Sequence[float]
-) -> dict[str, int]:
-    """Return the fields of a record that count Gaussians and steps."""
-    active = active_gaussians(edit, regions, reaches_m)
-    return {
+def _refine(
+    gaussian_map: GaussianMap,
+    edit: Edit,
+    cameras: Sequence[Camera],
+    collection: Collection,
+    views: Sequence[View],
+    config: UpdateConfig,
+    detector: ChangeDetector | None,
+    on_step: OnStep,
+) -> tuple[GaussianMap, dict[str, int]]:
+    """Return the map refined by some of the views, and the fields of a record that count."""
+    regions = collection.regions
+    active = active_gaussians(edit, regions, collection.views, config.refine)
+    refined = refine_edit(
+        gaussian_map, edit, active, cameras, views, regions, config, detector, on_step
+    )
+    return refined.gaussian_map, {
         "removed": int(edit.removed.sum()),
         "added": edit.added,
         "refined": int(active.sum()) if refined.iterations else 0,

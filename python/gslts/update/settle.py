@@ -39,10 +39,10 @@ MAX_REPEATS = 2
 def refine_edit(
     before: GaussianMap,
     edit: Edit,
+    active: Bools,
     cameras: Sequence[Camera],
     training: Sequence[View],
     regions: Sequence[Region],
-    reaches_m: Sequence[float],
     config: UpdateConfig,
     detector: ChangeDetector | None,
     on_step: OnStep,
@@ -52,10 +52,10 @@ def refine_edit(
     Args:
         before: Map before the edit.
         edit: Edited map.
+        active: [N] bool, from `active_gaussians`.
         cameras: Training cameras of the map.
         training: Training views of the changes.
         regions: Regions of the changes.
-        reaches_m: Of each region, from `reaches_of`.
         config: Settings.
         detector: Of the map before the edit; None means one refinement.
         on_step: Called after each step.
@@ -64,7 +64,6 @@ def refine_edit(
         The last refinement, with the iterations of all.
     """
     settings = config.refine
-    active = active_gaussians(edit, regions, reaches_m)
     targets = view_targets(training, regions, settings)
     targets += replay_targets(
         before,
@@ -123,22 +122,19 @@ def refine_until_settled(
     return refined
 
 
-def reaches_of(
-    regions: Iterable[Region], views: Sequence[View], config: RefineConfig
-) -> list[float]:
-    """Return how far from each region Gaussians may change, m: less where few views show it.
+def is_shown_by_few(region: Region, views: Iterable[View]) -> bool:
+    """Return whether too few views show a region to refine what stands beside it.
 
     Args:
-        regions: Regions of the changes.
+        region: Of a change.
         views: All views of the changes.
-        config: Settings.
     """
-    few_m = min(FEW_VIEWS_REACH_M, config.reach_m)
-    counts = [sum(is_visible(view.frame, region) for view in views) for region in regions]
-    return [few_m if count < MIN_VIEWS_BESIDE else config.reach_m for count in counts]
+    return sum(is_visible(view.frame, region) for view in views) < MIN_VIEWS_BESIDE
 
 
-def active_gaussians(edit: Edit, regions: Sequence[Region], reaches_m: Sequence[float]) -> Bools:
+def active_gaussians(
+    edit: Edit, regions: Sequence[Region], views: Sequence[View], config: RefineConfig
+) -> Bools:
     """Return the Gaussians that the refinement may change: new ones, and those near the regions.
 
     A Gaussian that reaches farther would also change where no view of the regions sees it.
@@ -146,13 +142,16 @@ def active_gaussians(edit: Edit, regions: Sequence[Region], reaches_m: Sequence[
     Args:
         edit: Edited map.
         regions: Regions of the changes.
-        reaches_m: Maximum distance from each region to the far side of a Gaussian, m.
+        views: All views of the changes.
+        config: Settings.
 
     Returns:
         [N] bool.
     """
     active = np.zeros(edit.gaussian_map.size, np.bool_)
-    for region, reach_m in zip(regions, reaches_m, strict=True):
+    for region in regions:
+        few = is_shown_by_few(region, views)
+        reach_m = min(FEW_VIEWS_REACH_M, config.reach_m) if few else config.reach_m
         active |= near_regions(edit.gaussian_map, [region], reach_m)
     active[active.size - edit.added :] = True
     return active

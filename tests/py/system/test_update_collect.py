@@ -8,7 +8,7 @@ import pytest
 import update_room
 from update_room import COLLECT, REMOVED
 
-from gslts.core.camera import at_pose, look_at
+from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.robots.recorded import RecordedRobot
@@ -161,6 +161,24 @@ def test_occluded_or_outside_regions_are_not_visible() -> None:
     beside = moved_region(np.array([3, 0, 0]))
     assert not is_visible(frame, behind)
     assert not is_visible(frame, beside)
+
+
+@pytest.mark.parametrize(("column", "expected"), [(2.0, True), (-2.0, False)])
+def test_regions_near_the_border_of_an_image_are_visible(column: float, expected: bool) -> None:
+    frame = update_room.robot_in(update_room.changed_home("removal")).observe()
+    camera, center = frame.camera, REGION.project_center(frame.camera)
+    assert center is not None
+    shifted = Camera(
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx + column - center[0],
+        cy=camera.cy,
+        width=camera.width,
+        height=camera.height,
+        world_from_camera=camera.world_from_camera,
+    )
+    nothing = np.zeros_like(frame.depth)
+    assert is_visible(replace(frame, camera=shifted, depth=nothing), REGION) == expected
 
 
 def test_each_frame_of_a_recording_is_used_once() -> None:

@@ -15,8 +15,7 @@ from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.evidence import is_visible
 from gslts.update.refine import Refinement, refine
-from gslts.update.region import Region
-from gslts.update.settle import active_gaussians, reaches_of
+from gslts.update.settle import active_gaussians
 from gslts.update.targets import Target, replay_targets, spread_cameras, view_targets
 from gslts.update.verify import error_in_regions, split_views
 
@@ -32,7 +31,7 @@ def edit_of(kind: str) -> Edit:
 
 def refined(kind: str, config: RefineConfig = CONFIG, threads: int = 1) -> tuple[Edit, Refinement]:
     found, edit = update_room.collected(kind), edit_of(kind)
-    active = active_gaussians(edit, found.regions, len(found.regions) * [config.reach_m])
+    active = active_gaussians(edit, found.regions, found.views, config)
     targets = view_targets(found.views, found.regions, config)
     return edit, refine(edit.gaussian_map, targets, active, config, threads=threads)
 
@@ -57,7 +56,7 @@ def test_each_stage_lowers_the_error_around_the_change(kind: str) -> None:
 
 def test_inactive_gaussians_are_bit_identical() -> None:
     found, (edit, result) = update_room.collected("removal"), refined("removal")
-    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     assert 0 < active.sum() < 0.5 * active.size
     for name in ARRAYS:
         old, new = getattr(edit.gaussian_map, name), getattr(result.gaussian_map, name)
@@ -65,35 +64,33 @@ def test_inactive_gaussians_are_bit_identical() -> None:
     assert (result.gaussian_map.sh[active] != edit.gaussian_map.sh[active]).any()
 
 
-def two_gaussians(distance_m: float) -> tuple[GaussianMap, Region]:
-    """Return a round Gaussian and a long one beside a region."""
+def are_active(distance_m: float, added: int, views: int, reach_m: float) -> list[bool]:
+    """Return whether a round Gaussian and a long one beside a region are active."""
     gaussian_map, _ = change_room.mapped()
-    region = update_room.collected("removal").regions[0]
+    found = update_room.collected("removal")
+    region = found.regions[0]
     scales_m = np.array([[0.02, 0.02, 0.02], [0.02, 0.02, 0.3]], np.float32)
     means = np.repeat(region.high[None] + distance_m, 2, axis=0).astype(np.float32)
     two = gaussian_map.select(np.arange(2))
-    return replace(two, means=means, log_scales=np.log(scales_m)), region
+    edit = Edit(
+        replace(two, means=means, log_scales=np.log(scales_m)), np.zeros(2, np.bool_), added
+    )
+    seeing = [view for view in found.views if is_visible(view.frame, region)]
+    config = CONFIG.model_copy(update={"reach_m": reach_m})
+    return active_gaussians(edit, [region], seeing[:views], config).tolist()
 
 
-@pytest.mark.parametrize(
-    ("added", "reach_m", "expected"),
-    [(0, 0.45, [True, False]), (1, 0.45, [True, True]), (0, 0.12, [False, False])],
-)
-def test_gaussians_that_reach_beyond_the_region_are_inactive(
-    added: int, reach_m: float, expected: list[bool]
-) -> None:
-    two, region = two_gaussians(0.1)
-    edit = Edit(two, np.zeros(2, np.bool_), added)
-    assert active_gaussians(edit, [region], [reach_m]).tolist() == expected
+def test_gaussians_that_reach_beyond_the_region_are_inactive() -> None:
+    assert are_active(0.1, added=0, views=4, reach_m=0.45) == [True, False]
+    assert are_active(0.1, added=1, views=4, reach_m=0.45) == [True, True]
+    assert are_active(0.1, added=0, views=4, reach_m=0.12) == [False, False]
 
 
-@pytest.mark.parametrize(("views", "reach_m"), [(3, 0.1), (4, CONFIG.reach_m)])
-def test_few_views_leave_what_stands_beside_a_change_as_it_is(views: int, reach_m: float) -> None:
-    found = update_room.collected("removal")
-    seeing = [v for v in found.views if is_visible(v.frame, found.regions[0])]
-    assert reaches_of(found.regions, seeing[:views], CONFIG) == [reach_m]
-    short = CONFIG.model_copy(update={"reach_m": 0.05})
-    assert reaches_of(found.regions, seeing[:views], short) == [0.05]
+def test_few_views_leave_what_stands_beside_a_change_as_it_is() -> None:
+    assert are_active(0.2, added=0, views=4, reach_m=0.45) == [True, False]
+    assert are_active(0.2, added=0, views=3, reach_m=0.45) == [False, False]
+    assert are_active(0.02, added=0, views=3, reach_m=0.45) == [True, False]
+    assert are_active(0.02, added=0, views=3, reach_m=0.05) == [False, False]
 
 
 def test_refinement_does_not_depend_on_the_number_of_threads() -> None:
@@ -122,7 +119,7 @@ def test_refinement_ends_when_the_loss_converges() -> None:
 
 def test_new_views_get_the_configured_number_of_visits() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     once = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 1}))
     thrice = view_targets(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 3}))
     repeated = [target for target in once for _ in range(3)]
@@ -137,7 +134,7 @@ def test_new_views_get_the_configured_number_of_visits() -> None:
 
 def test_on_step_is_called_after_each_step() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    active = active_gaussians(edit, found.regions, len(found.regions) * [CONFIG.reach_m])
+    active = active_gaussians(edit, found.regions, found.views, CONFIG)
     targets = view_targets(found.views, found.regions, CONFIG)
     seen: dict[int, GaussianMap] = {}
     result = refine(
