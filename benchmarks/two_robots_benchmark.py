@@ -34,7 +34,7 @@ from gslts.store.map_folder import read_map
 from gslts.store.robot_name import VARIABLE
 from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts_bench.series.events import is_in, is_untrue
+from gslts_bench.days.events import is_in, is_untrue
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.home_source import HomeSource

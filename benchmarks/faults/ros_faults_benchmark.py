@@ -21,9 +21,9 @@ import time
 from pathlib import Path
 
 from gslts.store.history import open_history
+from gslts_bench.days.events import is_untrue, true_events, was_found
 from gslts_bench.ros.day import make_day, start, stop
 from gslts_bench.ros.director import Director
-from gslts_bench.series.events import is_untrue, true_events, was_found
 
 KILL_S = (3.0, 80.0)
 """Time of a run before it is killed, s: from the first frames to the end of a round."""

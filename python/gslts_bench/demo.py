@@ -38,7 +38,7 @@ from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig
 from gslts.viewer.beside import PagesBeside, viewer_beside
-from gslts_bench.series.events import was_found
+from gslts_bench.days.events import was_found
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim import make_home
 from gslts_sim.actions import SceneState

@@ -184,6 +184,28 @@ def series(
 
 
 @bench.command()
+@on_homes(preset=Preset.FAST)
+def days(
+    options: HomeOptions,
+    changes: Annotated[int, typer.Option(min=1, help="Number of changes in each home.")] = 6,
+) -> None:
+    """Measure days of a robot that keeps its map: versions with something untrue, changes shown.
+
+    Before each round, objects come, go or move. What the versions and the history of the map show
+    is compared with what happened; names come from the simulator's labels. With 40 changes a home
+    lives about 30 rounds. An interrupted run continues with the homes that are left.
+
+    Example: gslts bench days --home bookstore.glb --seeds 0:10 --jobs 2 --json out/days.json
+    """
+    from gslts_bench.days.run import units_of
+    from gslts_bench.days.tables import BENCHMARK
+
+    units = units_of(options.homes(), changes)
+    options.prepare()
+    finish(options.run(BENCHMARK, units).errors)
+
+
+@bench.command()
 @on_homes()
 def queries(
     options: HomeOptions,

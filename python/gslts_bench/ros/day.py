@@ -19,8 +19,8 @@ import numpy as np
 from gslts.store.history import open_history
 from gslts.store.records import Event
 from gslts.types import Floats
+from gslts_bench.days.events import is_untrue, true_events, was_found
 from gslts_bench.ros.director import TIMEOUT_S, Director
-from gslts_bench.series.events import is_untrue, true_events, was_found
 from gslts_sim.day import ChangeEvent, read_day
 from gslts_sim.task import Change
 

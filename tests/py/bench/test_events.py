@@ -1,7 +1,7 @@
 """Precision and recall of the events of a history."""
 
 from gslts.store.records import ObjectEvent
-from gslts_bench.series.events import EventScore, is_untrue, score_events, true_events, was_found
+from gslts_bench.days.events import EventScore, is_untrue, score_events, true_events, was_found
 from gslts_sim.task import Change
 
 BOX_A = ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))

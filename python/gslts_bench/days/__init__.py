@@ -1,0 +1,1 @@
+"""Days of robots that keep their maps, judged by what truly happened."""
