@@ -54,8 +54,16 @@ class Region:
         Returns:
             True if it has the side of the region and is near to it.
         """
-        side = "before" if surface.side == _core.Side.BEFORE else "after"
-        return side == self.side and bool(self.contains(surface.point, MAX_REGION_DISTANCE_M))
+        near = self.contains(surface.point, MAX_REGION_DISTANCE_M)
+        return self.has_side_of(surface) and bool(near)
+
+    def has_side_of(self, surface: _core.Surface) -> bool:
+        """Return whether a detected surface has the side of the region.
+
+        Args:
+            surface: From `Detection.surfaces`.
+        """
+        return self.side == ("before" if surface.side == _core.Side.BEFORE else "after")
 
     def contains(self, points: Floats, margin_m: float | Floats) -> Bools:
         """Return which points lie in the box.

@@ -16,13 +16,13 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import GIVE_UP_LOG_ODDS, is_visible, log_odds_of
+from gslts.update.evidence import FAR_M, GIVE_UP_LOG_ODDS, evidence_of, is_visible
 from gslts.update.region import Region
 from gslts.update.targets import farthest_points
 
-MIN_DISTANCE_M, MAX_DISTANCE_M = 0.7, 2.5
-"""Distance of the camera from the centre of a region on the floor, m. Nearer, the camera measures
-no depth; farther, the object has too few pixels."""
+MIN_DISTANCE_M = 0.7
+"""Minimum distance of the camera from the centre of a region on the floor, m; nearer, it measures
+no depth."""
 
 
 class Tour:
@@ -31,7 +31,7 @@ class Tour:
     Args:
         robot: Near the regions.
         detector: Of the map before the update.
-        regions: To visit; they grow by what the frames show.
+        regions: To visit; they grow by what the frames show in them or near them.
         config: Settings.
         progress: Called after each step.
         recorded: Frames taken before; those that show a region count.
@@ -57,6 +57,7 @@ class Tour:
         self._robot, self._detector, self._config = robot, detector, config
         self._progress, self._recorded = progress, recorded
         self._observed: list[RgbdFrame] = []
+        self._reported = tuple(regions)
         self._log_odds = [0.0] * len(regions)
         if not recorded:
             self._observed.append(robot.observe())
@@ -157,12 +158,12 @@ class Tour:
             return False
         self.frames.append((frame, detection))
         # Not those of other regions, which this frame may show from far away.
-        log_odds = log_odds_of(self.regions[index], detection)
-        if shown[index] and not isinstance(log_odds, str):
-            self._log_odds[index] += log_odds
-        for row, other in enumerate(self.regions):
-            own = [surface for surface in detection.surfaces if other.matches(surface)]
-            self.regions[row] = other.include(
+        evidence = evidence_of(self.regions[index], detection)
+        if shown[index] and not isinstance(evidence, str):
+            self._log_odds[index] += evidence
+        for row, reported in enumerate(self._reported):  # Grown ones would grow on and on.
+            own = [surface for surface in detection.surfaces if reported.matches(surface)]
+            self.regions[row] = self.regions[row].include(
                 (surface.low for surface in own), (surface.high for surface in own)
             )
         return shown[index]
@@ -180,7 +181,7 @@ def _polar(positions: Floats, region: Region) -> tuple[Floats, Floats]:
 
 def _is_suitable(metres: Floats) -> Bools:
     """Return [P] whether a camera at these distances measures a region well."""
-    return np.asarray((metres >= MIN_DISTANCE_M) & (metres <= MAX_DISTANCE_M), np.bool_)
+    return np.asarray((metres >= MIN_DISTANCE_M) & (metres <= FAR_M), np.bool_)
 
 
 def _reachable_angle(positions: Floats, region: Region, sector_rad: float) -> float:

@@ -1,0 +1,103 @@
+"""Evidence of a view for a change in a region."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gslts._core import detect as core
+from gslts.change.changes import Change
+from gslts.change.detector import Detection
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts.rendering.losses import Exposure
+from gslts.update.evidence import FAR_M, MAX_LOG_ODDS, PRIOR_LOG_ODDS, confirm, evidence_of
+from gslts.update.region import Region
+from gslts.update.views import View
+
+SIDE_PX = 40
+REGION = Region("before", np.array([-0.1, -0.1, 1.0]), np.array([0.1, 0.1, 1.2]))
+
+
+def camera_at(pose: np.ndarray, cx: float = SIDE_PX / 2) -> Camera:
+    lens = {"fx": SIDE_PX, "fy": SIDE_PX, "cx": cx, "cy": SIDE_PX / 2}
+    return Camera(**lens, width=SIDE_PX, height=SIDE_PX, world_from_camera=pose)
+
+
+def detection(*surfaces: core.Surface, back_m: float = 0.0) -> Detection:
+    """Detection of a camera that sees the region in the middle, where the surfaces are labelled."""
+    pose = np.eye(4)
+    pose[2, 3] = -back_m
+    labels = np.zeros((SIDE_PX, SIDE_PX), np.int32)
+    for surface in surfaces:
+        labels[15:25, 15:25] = surface.label
+    camera = camera_at(pose)
+    rgb = np.zeros((SIDE_PX, SIDE_PX, 3), np.float32)
+    return Detection((), None, camera, rgb, Exposure(), labels=labels, surfaces=surfaces)
+
+
+def surface(
+    confidence: float, point=(0.0, 0.0, 1.1), side=core.Side.BEFORE, **more
+) -> core.Surface:
+    end = tuple(np.add(point, 0.1))
+    return core.Surface(
+        side=side, point=point, low=point, high=end, label=1, color_confidence=confidence, **more
+    )
+
+
+def test_a_confidence_says_what_it_adds_to_the_share_of_changed_objects() -> None:
+    share = 1 / (1 + np.exp(-PRIOR_LOG_ODDS))
+    assert evidence_of(REGION, detection(surface(share))) == pytest.approx(0)
+    half = evidence_of(REGION, detection(surface(0.5)))
+    assert half == pytest.approx(-PRIOR_LOG_ODDS)
+    assert evidence_of(REGION, detection(surface(1.0))) == MAX_LOG_ODDS
+    assert evidence_of(REGION, detection(surface(0.0))) == -MAX_LOG_ODDS
+
+
+def test_no_surface_speaks_against_a_change_only_from_near() -> None:
+    assert evidence_of(REGION, detection()) == -MAX_LOG_ODDS
+    other_side = surface(0.9, side=core.Side.AFTER)
+    assert evidence_of(REGION, detection(other_side)) == -MAX_LOG_ODDS
+    far = evidence_of(REGION, detection(back_m=FAR_M))
+    assert far == "a change may be overlooked from 3.6 m"
+
+
+def test_what_is_covered_by_another_change_cannot_be_judged() -> None:
+    beside = surface(0.9, point=(1.0, 0.0, 1.1))
+    assert evidence_of(REGION, detection(beside)) == "another change covers it"
+
+
+def test_a_view_that_misses_the_centre_cannot_judge() -> None:
+    seen = detection()
+    aside = replace(seen, camera=camera_at(np.eye(4), cx=-100.0))
+    assert evidence_of(REGION, aside) == "it shows only a part of it"
+
+
+def test_the_fault_of_a_surface_is_the_reason() -> None:
+    seen_through = core.Visibility(on_surface=1, seen_through=99, known_share=1)
+    found = evidence_of(REGION, detection(surface(0.9, visibility=seen_through)))
+    assert found == "training cameras saw through this surface of the map"
+
+
+def view(rendered_m: float, measured_m: float) -> View:
+    """A view of the region in which the map shows one depth, and the frame another."""
+    shape = (SIDE_PX, SIDE_PX)
+    rgb = np.full((*shape, 3), 128, np.uint8)
+    frame = RgbdFrame(rgb, np.full(shape, measured_m, np.float32), camera_at(np.eye(4)))
+    rendered, nothing = np.full(shape, rendered_m, np.float32), np.zeros(shape, np.bool_)
+    return View(frame, Exposure(), rendered, rgb.astype(np.float32) / 255, nothing, nothing)
+
+
+def test_a_view_that_measures_a_step_does_not_speak_against_a_change() -> None:
+    removal = Change("removal", 0.9, REGION.center, ((REGION.low, REGION.high), None))
+    found = detection(surface(0.9))
+    unseen = detection(surface(0.05))
+    same, behind = view(1.1, 1.1), view(1.1, 1.6)
+    shown, denied, gone = (behind, found), (same, unseen), (behind, unseen)
+    assert confirm(removal, [REGION], [shown, shown], []) is removal
+    reason = "only 1 of 3 views show a removed object there"
+    assert confirm(removal, [REGION], [shown, denied, denied], []) == reason
+    assert confirm(removal, [REGION], [shown, gone, gone, shown], []) is removal
+    assert confirm(removal, [REGION], [gone, gone], []) == (
+        "0 view(s) can judge it, 2 are needed: depths differ there, but show no object by itself"
+    )
