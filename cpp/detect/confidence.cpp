@@ -30,7 +30,6 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
   const double log_area = std::log(surface.area_m2 + 1e-6);
   const double log_depth = std::log(surface.depth_m + 1e-3);
   const bool before = surface.side == Side::kBefore, flat = surface.flat;
-  const double unknown = (before ? kUnknownInMap : 1) * (1 - visibility.known_share);
   const double log_step =
       std::log(evidence.step_ratio * (kColorlessStep + (1 - kColorlessStep) * colors) + 0.01);
   return {
@@ -46,7 +45,7 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
       std::log(evidence.ring_depth_m + 0.01),
       flat ? evidence.ring_color_ratio : 0,
       flat ? std::max(0.0, log_area - std::log(kMaxFlatArea_m2)) : 0,
-      1 - unknown,
+      visibility.known_share,
       before ? seen_through : 0,
       before ? 0 : seen_through,
       before ? 1.0 : 0.0,

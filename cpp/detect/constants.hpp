@@ -138,11 +138,6 @@ constexpr double kColorlessStep = 0.3;
 /// Area, m^2, from which a flat surface is rather light than an object.
 constexpr double kMaxFlatArea_m2 = 0.1;
 
-/// Weight of unknown positions of a surface in the map, relative to those in a frame: a camera did
-/// see what is in the map. Of 227 such surfaces in maps of the bookstore and of homes, 186 of them
-/// removed, 1/3 has the highest likelihood.
-constexpr double kUnknownInMap = 1.0 / 3;
-
 /// Depth, m, below which a frame shows more detail than a map has.
 constexpr double kNearDepth_m = 0.8;
 

@@ -1,7 +1,5 @@
 #include <gmock/gmock.h>
 
-#include <cmath>
-
 #include "detect_scenes.hpp"
 #include "gslts/detect/objects.hpp"
 
@@ -118,19 +116,6 @@ TEST(Confidence, RemovalOfASeenSurfaceIsMoreLikely) {
   const double solid = confidence(surface);
   surface.visibility = Visibility{100, 900, 1};
   EXPECT_LT(confidence(surface), solid);
-}
-
-TEST(Confidence, UnknownPositionsCountAThirdOfASurfaceInTheMap) {
-  const auto cost_of_half = [](Surface surface) {
-    const auto log_odds = [&](double known_share) {
-      surface.visibility = Visibility{100, 100, known_share};
-      return std::log(confidence(surface) / (1 - confidence(surface)));
-    };
-    return log_odds(1) - log_odds(0.5);
-  };
-  const double in_frame = cost_of_half(box(In::kFrame, 0.6f, 0.4f, 0.4f));
-  EXPECT_GT(in_frame, 1);
-  EXPECT_NEAR(cost_of_half(box(In::kMap, 0.6f, 0.4f, 0.4f)), in_frame / 3, 1e-6);
 }
 
 TEST(Confidence, StaysAProbabilityAtExtremes) {

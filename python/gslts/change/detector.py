@@ -344,9 +344,13 @@ class ChangeDetector:
         return tuple(by_confidence), tuple(surfaces), labels
 
     def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
-        """Count how the training cameras saw the samples of a surface."""
+        """Count how the training cameras saw the samples of a surface.
+
+        One of them suffices to know a surface of the map: it is there because one saw it.
+        """
         counts = self._visibility.counts(np.array(surface.samples))
-        seen = counts.on + counts.through >= self._min_witnesses
+        needed = 1 if surface.side == _core.Side.BEFORE else self._min_witnesses
+        seen = counts.on + counts.through >= needed
         return _core.Visibility(
             on_surface=counts.on.sum(),
             seen_through=counts.through.sum(),
