@@ -94,6 +94,8 @@ MIN_WITNESSES, MAX_WITNESS_SHARE = 3, 0.05
 """Minimum number of training cameras that must have seen a position, or through it, so that it is
 known that nothing was there: what fewer saw, the map may have at a wrong depth. With few cameras,
 this share of them suffices, rounded up: maps of 4 to 8 frames know nothing better."""
+MIN_MAP_WITNESSES = 2
+"""The same for a surface of the map: a second camera shows that it is no error of the first one."""
 MIN_SEEN_SHARE = 0.5
 """Minimum share of a surface's samples at known positions."""
 MAX_THROUGH_SHARE = 0.3

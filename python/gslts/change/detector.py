@@ -20,6 +20,7 @@ from gslts.change.constants import (
     MAX_HALVINGS,
     MAX_WITNESS_SHARE,
     MIN_ERROR_ALPHA,
+    MIN_MAP_WITNESSES,
     MIN_MEASURED_WEIGHT,
     MIN_WITNESSES,
     NEAR_SIGMAS,
@@ -344,12 +345,11 @@ class ChangeDetector:
         return tuple(by_confidence), tuple(surfaces), labels
 
     def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
-        """Count how the training cameras saw the samples of a surface.
-
-        One of them suffices to know a surface of the map: it is there because one saw it.
-        """
+        """Count how the training cameras saw the samples of a surface."""
         counts = self._visibility.counts(np.array(surface.samples))
-        needed = 1 if surface.side == _core.Side.BEFORE else self._min_witnesses
+        needed = self._min_witnesses
+        if surface.side == _core.Side.BEFORE:
+            needed = min(needed, MIN_MAP_WITNESSES)
         seen = counts.on + counts.through >= needed
         return _core.Visibility(
             on_surface=counts.on.sum(),
