@@ -28,7 +28,7 @@ MIN_VIEWS = 2
 """Minimum number of views of a region. One view cannot separate a change from an error of depth."""
 PRIOR_LOG_ODDS = float(np.log(501 / 1525))
 """Log-odds of a change before any view is known: the confidence was fitted to 2,026 surfaces, of
-which 501 were of changed objects, and supposes this share."""
+which 501 were of changed objects (benchmarks/results/detection.md), and supposes this share."""
 MIN_STEP_M, MIN_STEP_PER_M = 0.01, 0.01
 """Minimum step from a surface to what is behind it: a constant, m, and a factor of its depth."""
 MIN_STEP_SHARE = 0.5

@@ -197,10 +197,10 @@ def days(
 
     Example: gslts bench days --home bookstore.glb --seeds 0:10 --jobs 2 --json out/days.json
     """
-    from gslts_bench.days.run import units_of
+    from gslts_bench.days.run import DaysUnit
     from gslts_bench.days.tables import BENCHMARK
 
-    units = units_of(options.homes(), changes)
+    units = [DaysUnit(home, changes) for home in options.homes()]
     options.prepare()
     finish(options.run(BENCHMARK, units).errors)
 

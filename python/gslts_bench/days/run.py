@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,19 +108,9 @@ class DaysUnit(BenchUnit[Record, BenchHome]):
         with MapKeeper(self.folder, KeeperConfig(update=UpdateConfig(threads=1))) as keeper:
             for number, happened in enumerate(day.rounds, start=1):
                 keeper.go_round(day.robot(home, number))
-                shown = [event for earlier in rounds for event in earlier.events]
+                earlier = sum(len(past.events) for past in rounds)
                 with open_history(self.folder) as history:
-                    events = history.events()[len(shown) :]
+                    events = history.events()[earlier:]
                 changes = tuple(event.change for event in happened)
                 rounds.append(Round(changes=changes, events=tuple(events)))
         return tuple(rounds)
-
-
-def units_of(homes: Sequence[BenchHome], changes: int) -> list[DaysUnit]:
-    """List the work on homes.
-
-    Args:
-        homes: The homes.
-        changes: Number of changes in each.
-    """
-    return [DaysUnit(home, changes) for home in homes]

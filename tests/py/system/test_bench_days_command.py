@@ -7,6 +7,8 @@ import pytest
 from bench_settings import SETTINGS
 from command import gslts
 
+from gslts.store.history import open_history
+
 pytestmark = pytest.mark.long
 
 
@@ -18,8 +20,7 @@ def test_a_day_is_lived_and_judged(tmp_path: Path) -> None:
     (record,) = json.loads((tmp_path / "days.json").read_text())["records"]
     assert sum(len(past["changes"]) for past in record["rounds"]) == 2
     assert "| kitchen_4 |" in process.stdout
-    (kept,) = (tmp_path / "work/days").glob("kitchen_4_*/map.json")
-    events = [event for past in record["rounds"] for event in past["events"]]
-    log = gslts("log", str(kept.parent), cwd=tmp_path)
-    assert log.returncode == 0, log.stderr
-    assert all(f"{event['version']}" in log.stdout for event in events)
+    (kept,) = (tmp_path / "work/days").glob("kitchen_4_*/manifest.json")
+    with open_history(kept.parent) as history:
+        events = [event.model_dump(mode="json") for event in history.events()]
+    assert [event for past in record["rounds"] for event in past["events"]] == events
