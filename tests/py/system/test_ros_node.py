@@ -175,7 +175,7 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
         driver, (frame,) = Driver(ros), frames_of(home(), VIEWPOINTS[:1])
         ros.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         for topic in ("/camera/color/image_raw", "/camera/pose"):
-            assert problem_of(ros, topic, "nobody") == "nobody publishes it"
+            assert message_of(ros, topic, "nobody") == "nobody publishes it"
         localized(ros, driver, frame)
         for topic, encoding, pixels, reason in (
             (depth, "16UC1", np.zeros((6, 8), np.uint16), "8 x 6 px, and its CameraInfo 320 x 240"),
@@ -186,11 +186,11 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
             driver.pose(frame.camera.world_from_camera)
             driver.image(topic, encoding, pixels)
             driver.image("/camera/color/image_raw", "rgb8", frame.rgb)
-            assert reason in problem_of(ros, "/camera/color/image_raw", reason)
+            assert reason in message_of(ros, "/camera/color/image_raw", reason)
         nowhere = np.eye(4)
         nowhere[0, 3] = np.nan
         driver.pose(nowhere)
-        assert "not finite" in problem_of(ros, "/camera/pose", "not finite")
+        assert "not finite" in message_of(ros, "/camera/pose", "not finite")
         for topic, words, reason in (
             ("query", "sofa", "it has no words; gslts semantics adds them"),
             ("query", " ", "expected the name of an object"),
@@ -208,18 +208,21 @@ def test_what_is_wrong_is_named_and_the_node_goes_on(ros: Ros, tmp_path: Path) -
 
 def test_a_request_waits_for_the_first_frame(ros: Ros, tmp_path: Path) -> None:
     ros.subscribe("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    (frame,) = frames_of(home(), VIEWPOINTS[:1])
     with running(ros, tmp_path, "--active"):
+        ros.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         ros.publish("/gslts/command", "std_msgs/msg/String", data="round")
-        (frame,) = frames_of(home(), VIEWPOINTS[:1])
+        # A frame counts from then on, and this camera gives no second one.
+        message_of(ros, "operation", "command: round")
         localized(ros, Driver(ros), frame)
         assert ros.wait("/goal_pose")["header"]["frame_id"] == "odom"
 
 
-def problem_of(ros: Ros, topic: str, part: str) -> str:
-    """Return the message of a topic in the diagnostics, once it has a part."""
+def message_of(ros: Ros, name: str, part: str) -> str:
+    """Return the message of a topic or part of the node in the diagnostics, once it has words."""
 
     def messages(array: Message) -> list[str]:
-        return [s["message"] for s in array["status"] if s["name"] == f"gslts: {topic}"]
+        return [s["message"] for s in array["status"] if s["name"] == f"gslts: {name}"]
 
     found = ros.wait("/diagnostics", lambda m: any(part in text for text in messages(m)))
     return messages(found)[0]
