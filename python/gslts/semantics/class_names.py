@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gslts.semantics.vocabulary import UNRELATED
+from gslts.semantics.vocabulary import REJECTED_SHARE, UNRELATED
 from gslts.semantics.wordnet import noun_synonyms, singular_forms
 from gslts.types import Floats32, Indices
 
@@ -20,8 +20,6 @@ MAX_FILE_BYTES, MAX_NAME_CHARACTERS = 1 << 20, 100
 """Maximum sizes of a file of names and of a name."""
 LEFT_OUT = "#"
 """Beginning of the line of a class that a map shall not have."""
-REJECTED_SHARE = 0.98
-"""Share of unrelated words that a text model must not understand as any class."""
 
 
 class Texts(Protocol):

@@ -10,6 +10,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.masks import crop_to_mask, paint_labels
 from gslts.semantics.source import MAX_LEVELS, Segments, relevance
+from gslts.semantics.vocabulary import UNRELATED
 from gslts.types import Bools, Bytes, Floats32
 
 
@@ -28,8 +29,9 @@ class ClipSource:
     relevance = staticmethod(relevance)
     threshold = 0.5
     """Relevance of a query that matches as well as the canonical phrases (LERF, Kerr et al. 2023).
-    Cosines of CLIP differ by a few hundredths, so that relevance stays near this value, and a
-    higher threshold would depend on the weights."""
+    Cosines of CLIP differ by a few hundredths, so that relevance stays near this value, and how
+    much more is a match depends on the weights and the map."""
+    unrelated = UNRELATED
 
     def __init__(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_componen
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import Codec, SemanticSource
+from gslts.semantics.vocabulary import REJECTED_SHARE
 from gslts.store.map_folder import read_map
 from gslts.types import Floats, Floats32, Indices
 
@@ -115,7 +117,7 @@ class SemanticQueries:
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
         points = [np.zeros((0, 3))]
         features: list[Floats32] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
-        step = max(1, gaussian_map.size // SAMPLE_SIZE)
+        self._step = step = max(1, gaussian_map.size // SAMPLE_SIZE)
         for _, part in gaussian_map.parts():
             sample = _scored(part, np.arange(part.size))[::step]
             points.append(part.means[sample].astype(np.float64))
@@ -145,6 +147,20 @@ class SemanticQueries:
         path = Path(path)
         codec, source = open_text_semantics(path, text_model, threads)
         return cls(read_map(path), codec, source)
+
+    @cached_property
+    def threshold(self) -> float:
+        """Minimum relevance of a match in this map: above what most unrelated texts reach in it.
+
+        A text reaches the score that enough Gaussians for an object have.
+        """
+        source, size = self._source, len(self._features)
+        if not source.unrelated or size == 0:
+            return source.threshold
+        scores = self._scorer.scores(source.encode(source.unrelated), self._features)
+        enough = min(max(1, MIN_GAUSSIANS // self._step), size)
+        reached = np.partition(scores, size - enough, axis=1)[:, size - enough]
+        return max(source.threshold, float(np.quantile(reached, REJECTED_SHARE)))
 
     def relevance(self, text: str) -> Floats32:
         """Compute the relevance of all Gaussians to a text.
@@ -185,12 +201,12 @@ class SemanticQueries:
             text: Such as "alarm clock".
 
         Returns:
-            The objects, the best first; empty if no relevance reaches the threshold of the source.
+            The objects, the best first; empty if no relevance reaches the threshold.
 
         Raises:
             ValueError: The text is empty.
         """
-        query, threshold = self._encode(text), self._source.threshold
+        query, threshold = self._encode(text), self.threshold
         is_match = self._scorer.scores(query, self._features)[0] >= threshold
         if not is_match.any():
             return []

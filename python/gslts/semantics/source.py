@@ -119,6 +119,11 @@ class SemanticSource(Protocol):
         ...
 
     @property
+    def unrelated(self) -> Sequence[str]:
+        """Texts that match nothing, to raise the threshold in a map by; empty if it needs none."""
+        ...
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all its classes; empty if it has no fixed ones."""
         ...
@@ -190,6 +195,7 @@ class Oracle:
     codec = None
     """An autoencoder is trained on the embeddings."""
     relevance = staticmethod(relevance)
+    unrelated = ()
     threshold = 0.62
     """Between the relevance of the right name, about 1 / (1 + exp(-1)) = 0.73, and that of another,
     about 0.5."""

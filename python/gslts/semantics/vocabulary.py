@@ -48,3 +48,5 @@ UNRELATED = tuple(
     .split(", ")
 )
 """Nouns of what no room has, with whose scores thresholds of "not found" are calibrated."""
+REJECTED_SHARE = 0.98
+"""Share of unrelated words that must not match anything."""

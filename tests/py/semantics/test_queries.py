@@ -12,6 +12,7 @@ from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
+from gslts.semantics.vocabulary import NOUNS, UNRELATED
 
 ORIGIN = np.array([10.0, -5.0, 0.5])
 NAMES = ("Mug", "Sofa", "Lamp", "Shelf", "Wall")
@@ -133,6 +134,31 @@ def test_sparse_sampling_does_not_change_results(monkeypatch: pytest.MonkeyPatch
     (found,) = queries(*parts).find("mug")
     np.testing.assert_array_equal(found.rows, expected.rows)
     assert found.score == pytest.approx(expected.score)
+
+
+class Unsure(Oracle):
+    """Matches whatever fits a text better than the canonical phrases, as CLIP does."""
+
+    threshold = 0.5
+
+
+class Calibrated(Unsure):
+    unrelated = UNRELATED
+
+
+def test_unrelated_texts_raise_the_threshold_of_a_map() -> None:
+    gaussian_map = map_of(WALL, ("Mug", FIRST), ("Sofa", SECOND))
+    unsure = SemanticQueries(gaussian_map, autoencoder(), Unsure())
+    calibrated = SemanticQueries(gaussian_map, autoencoder(), Calibrated())
+    assert unsure.threshold == Unsure.threshold < calibrated.threshold
+    absent = sorted(set(NOUNS) - {name.lower() for name in NAMES})
+    assert sum(bool(unsure.find(text)) for text in absent) > 0.2 * len(absent)
+    assert sum(bool(calibrated.find(text)) for text in absent) < 0.05 * len(absent)
+    for text, points in (("mug", FIRST), ("sofa", SECOND)):
+        (instance,) = calibrated.find(text)
+        np.testing.assert_allclose(instance.low, points.min(axis=0) + ORIGIN, atol=0.003)
+    nothing = SemanticQueries(map_of((None, FIRST)), autoencoder(), Calibrated())
+    assert nothing.find("mug") == []
 
 
 def test_absent_objects_are_not_found() -> None:

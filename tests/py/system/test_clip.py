@@ -263,6 +263,7 @@ def test_queries_for_red_and_blue_find_the_boxes(tmp_path: Path) -> None:
     words |= dict.fromkeys(CANONICAL, everything_else)
     tiny_models.set_text_embeddings(tmp_path, words)
     source = ClipSource(ClipEncoder(tmp_path, threads=1), true_masks(frames))
+    source.unrelated = CANONICAL  # The embeddings of other words are random, and may be red.
     gaussian_map, _ = change_room.mapped()
     found = embed_semantics(gaussian_map, frames, source, code_dims=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
