@@ -3,9 +3,10 @@
     build/ros/bin/python benchmarks/faults/ros_faults_benchmark.py --kills 50 --work out/ros_faults
 
 A simulated robot lives a day over ROS 2. Each run of the node is asked for a round and killed
-(SIGKILL) after a random time. Between the kills the home changes, somebody carries the robot away,
-and the robot with its camera driver restarts, so that its odometry starts anew at zero. After each
-kill the map must verify; after the last one, the node ends a round, and no event may be untrue.
+(SIGKILL) after a random time. Meanwhile the home changes, somebody carries the robot away, its
+clock is set back, its poses stop for 10 s, and the robot with its camera driver restarts, so that
+its odometry starts anew at zero. After each kill the map must verify; after the last one, the node
+ends a round, and no event may be untrue.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ KILL_S = (3.0, 80.0)
 """Time of a run before it is killed, s: from the first frames to the end of a round."""
 RESTART_EVERY, CARRY_EVERY = 10, 4
 """Number of kills after which the robot restarts, and after which it is carried away."""
+CLOCK_EVERY, POSES_EVERY, FAULT_AFTER_S = 3, 5, 15.0
+"""Number of kills after which the clock is set back, and after which poses stop, both some seconds
+after the round has begun."""
 LEASE_S = 25.0
 """Time after which DDS has forgotten a killed node, s: 20 s with Fast DDS."""
 
@@ -81,8 +85,14 @@ def run(given: argparse.Namespace) -> dict[str, int]:
                 print(f"{kill}: {director.ask_robot('change')}", flush=True)
                 changed += 1
             director.say("command", "round")
+            end_s = time.monotonic() + random_.uniform(*KILL_S)
+            time.sleep(min(FAULT_AFTER_S, max(0.0, end_s - time.monotonic())))
+            if kill % CLOCK_EVERY == CLOCK_EVERY - 1:
+                director.ask_robot("set_clock_back")
+            if kill % POSES_EVERY == POSES_EVERY - 1:
+                director.ask_robot("lose_poses")
             try:
-                node.wait(random_.uniform(*KILL_S))
+                node.wait(max(0.0, end_s - time.monotonic()))
                 raise RuntimeError(f"the node ended by itself; see {work}/gslts.log")
             except subprocess.TimeoutExpired:
                 node.send_signal(signal.SIGKILL)

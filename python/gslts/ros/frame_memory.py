@@ -35,6 +35,8 @@ class FrameMemory:
             True if it is a keyframe: it is without a fault, and the robot moved since the last one.
         """
         with self._new:
+            if self._newest is not None and frame.time_s < self._newest.time_s:
+                self._keyframes.clear()  # The clock was set back: their stamps mean nothing now.
             self._newest = frame
             pose = frame.camera.world_from_camera
             is_key = frame.fault is None and (
@@ -59,8 +61,14 @@ class FrameMemory:
         try:
             time_s = newest_s()
             with self._new:
+                before = self._newest  # Its stamp is a later one if the clock was set back.
                 came = self._new.wait_for(
-                    lambda: self._newest is not None and self._newest.time_s > time_s, timeout_s
+                    lambda: (
+                        self._newest is not None
+                        and self._newest is not before
+                        and self._newest.time_s > time_s
+                    ),
+                    timeout_s,
                 )
                 return self._newest if came else None
         finally:

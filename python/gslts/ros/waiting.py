@@ -58,6 +58,8 @@ class WaitingChanges:
             The reports, and the frames since the last of these changes was first seen: earlier
             frames may show the state before it.
         """
+        # Where the clock was set back, a change is as new as the newest frame.
+        self._waiting = [(report, min(since_s, now_s)) for report, since_s in self._waiting]
         ready = [
             (report, since_s)
             for report, since_s in self._waiting

@@ -90,7 +90,8 @@ class Director:
             for kind in ("query", "go", "command")
         }
         self._services = {
-            name: node.create_client(Trigger, f"/robot/{name}") for name in ("change", "carry_away")
+            name: node.create_client(Trigger, f"/robot/{name}")
+            for name in ("change", "carry_away", "set_clock_back", "lose_poses")
         }
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
@@ -156,7 +157,7 @@ class Director:
         """Call a service of the robot, again and again while it is not possible.
 
         Args:
-            service: "change" or "carry_away".
+            service: "change", "carry_away", "set_clock_back" or "lose_poses".
 
         Returns:
             Its message.

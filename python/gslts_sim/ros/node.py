@@ -45,6 +45,10 @@ POLL_S = 0.2
 """Maximum time to wait for a message before a stop is noticed, s."""
 LOG_S = 5.0
 """Minimum time between two warnings about the same fault, s."""
+CLOCK_STEP_NS = 60 * 10**9
+"""Step of the clock when it is set back, ns."""
+LOST_S = 10.0
+"""Time without poses, s."""
 FAST_DDS_PROFILE = Path(__file__).with_name("fastdds.xml")
 """Settings of Fast DDS, the default middleware of ROS 2, unless the user has some of his own."""
 WORLD = "home"
@@ -87,7 +91,13 @@ class RobotNode:
         node.create_subscription(
             Float64MultiArray, "/tilt_controller/commands", self._on_tilt, QUEUE
         )
-        node.create_service(Trigger, "/robot/carry_away", self._carry_away)
+        self._poses_from_s = 0.0
+        for name, follow in (
+            ("carry_away", self._carry_away),
+            ("set_clock_back", self._set_clock_back),
+            ("lose_poses", self._lose_poses),
+        ):
+            node.create_service(Trigger, f"/robot/{name}", follow)
 
     def send_images(self, stopped: threading.Event) -> None:
         """Publish frames until the robot is stopped.
@@ -122,13 +132,16 @@ class RobotNode:
     def _publish_poses(self, state: RobotState, stamp: int) -> None:
         base, mount = state.believed.matrix(), base_from_camera(state.tilt_rad)
         true = product(state.true.matrix(self._robot.floor_m), mount)
-        in_odom, in_base, in_world = (
-            messages.header(stamp, frame) for frame in (messages.ODOM, messages.BASE, WORLD)
+        in_world = messages.header(stamp, WORLD)
+        self._true_pose.publish(PoseStamped(header=in_world, pose=pose_message(true)))
+        if time.monotonic() < self._poses_from_s:
+            return
+        in_odom, in_base = (
+            messages.header(stamp, frame) for frame in (messages.ODOM, messages.BASE)
         )
         self._odometry.publish(messages.odometry(base, state.speed_m_s, state.turn_rad_s, stamp))
         pose = pose_message(product(base, mount))
         self._camera_pose.publish(PoseStamped(header=in_odom, pose=pose))
-        self._true_pose.publish(PoseStamped(header=in_world, pose=pose_message(true)))
         self._send_transforms(
             [
                 transform_message(in_odom, messages.BASE, base),
@@ -160,6 +173,16 @@ class RobotNode:
     def _carry_away(self, _: Any, response: Any) -> Any:
         self._robot.carry_away()
         response.success, response.message = True, "the robot was put down elsewhere"
+        return response
+
+    def _set_clock_back(self, _: Any, response: Any) -> Any:
+        self._start_ns -= CLOCK_STEP_NS
+        response.success, response.message = True, "the clock was set back by a minute"
+        return response
+
+    def _lose_poses(self, _: Any, response: Any) -> Any:
+        self._poses_from_s = time.monotonic() + LOST_S
+        response.success, response.message = True, f"no poses come for {LOST_S:g} s"
         return response
 
     def _warn(self, text: str) -> None:

@@ -58,6 +58,14 @@ def test_a_lane_waits_for_a_frame_that_is_taken_from_now_on() -> None:
     assert memory.wait_after(lambda: 2.0, 0.01) is None
 
 
+def test_frames_from_before_the_clock_was_set_back_are_forgotten() -> None:
+    memory = FrameMemory()
+    memory.add(frame_at(0, 1000))
+    assert memory.wait_after(lambda: 900, 0.01) is None, "it was taken before"
+    memory.add(frame_at(1, 901))
+    assert [frame.time_s for frame in memory.since(0)] == [901]
+
+
 def report(number: int, kind: str, times_s: tuple[float, ...], x_m: float = 2.0) -> Report:
     point = np.array([x_m, 0.0, 0.5])
     box = (point - 0.1, point + 0.1)
@@ -93,6 +101,17 @@ def test_no_change_waits_for_ever() -> None:
     waiting.add([report(1, "removal", (10.0,))])
     memory.add(frame_at(0, 11 + MAX_WAIT_S))
     assert len(waiting.take_ready(11 + MAX_WAIT_S, memory.since)[0]) == 1
+
+
+def test_a_change_waits_for_views_when_the_clock_was_set_back() -> None:
+    waiting, memory = WaitingChanges(2), FrameMemory()
+    waiting.add([report(1, "removal", (1000.0,))])
+    memory.add(frame_at(0, 10.0))
+    assert waiting.take_ready(10.0, memory.since) == ([], [])
+    memory.add(frame_at(1, 11.0))
+    reports, frames = waiting.take_ready(11.0, memory.since)
+    assert [r.number for r in reports] == [1]
+    assert [frame.time_s for frame in frames] == [10, 11]
 
 
 def test_a_second_report_of_a_change_replaces_the_first() -> None:

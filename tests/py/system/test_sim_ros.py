@@ -170,6 +170,19 @@ def test_odometry_does_not_notice_that_the_robot_is_carried_away(ros: Ros) -> No
     assert after["pose"] == before["pose"]
 
 
+def test_poses_stop_and_the_clock_is_set_back(ros: Ros) -> None:
+    before = stamp(ros.next(TRUE))
+    assert ros.call("/robot/set_clock_back", TRIGGER)["success"]
+    ros.wait(TRUE, lambda message: stamp(message) < before - 30 * 10**9)
+    assert ros.call("/robot/lose_poses", TRIGGER)["success"]
+    ros.next(TRUE)
+    ros.take(POSE)
+    for _ in range(5):
+        ros.next(TRUE)
+    assert ros.take(POSE) == []
+    assert stamp(ros.wait(POSE)) < before
+
+
 def test_ctrl_c_ends_it_cleanly(domain: Ros, tmp_path: Path) -> None:
     process = domain.start("sim", "ros", "bedroom", "2", "--changes", "0", *SIZE, cwd=tmp_path)
     assert ros_peer.first_line(process) == STARTED.format(0)
