@@ -6,6 +6,12 @@ MAX_SCOUTS = 40
 """Maximum number of frames that are localized without a prior, evenly spread over the recording."""
 MIN_ANCHORS = 2
 """Minimum number of frames that must be localized in the map and agree with the odometry."""
+MAX_OUTLIER_SHARE, MIN_OUTLIERS = 0.2, 3
+"""Maximum share of localized frames that contradict the given poses, and minimum number of them to
+reject the poses: single frames may be localized wrongly."""
+MAX_SCALE_ERROR, MIN_STEP_M, MIN_STEPS = 0.15, 0.3, 5
+"""Maximum relative error of the scale of given poses, by the median over steps between localized
+frames that are at least so long, and so many. An odometry errs by some per cent."""
 
 GRID_COLUMNS = 40
 """Number of cells in a row of the grid on which a frame is compared with the map."""

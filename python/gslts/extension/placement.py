@@ -15,8 +15,13 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import product, relative, se3_retract, twist_of
 from gslts.extension.constants import (
+    MAX_OUTLIER_SHARE,
+    MAX_SCALE_ERROR,
     MAX_SCOUTS,
     MIN_ANCHORS,
+    MIN_OUTLIERS,
+    MIN_STEP_M,
+    MIN_STEPS,
 )
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.mapping.observation import Observation
@@ -54,7 +59,7 @@ def place_frames(
         on_frame: Called after each frame that was compared with the map.
 
     Raises:
-        ValueError: Too few frames show what the map knows.
+        ValueError: Too few frames show what the map knows, or their poses contradict it.
     """
     track = _Track(list(frames.values()), relocalizer, on_frame)
     track.find_scouts()
@@ -67,8 +72,12 @@ def place_frames(
             f"{len(track.anchors)} of {len(frames)} frames show what the map knows, {MIN_ANCHORS} "
             "are needed: is it of another scene? Record frames that also show a part of the map"
         )
+    track.require_consistent()
     names, placed, unplaced = list(frames), {}, []
     for k, name in enumerate(names):
+        if k in track.outliers:
+            unplaced.append(f"{name}: the map shows it elsewhere than its pose says")
+            continue
         gap = track.broken_gap(k)
         if gap is None:
             placed[name] = _move(track.frames[k], track.pose(k))
@@ -79,12 +88,15 @@ def place_frames(
 
 
 class _Track:
-    """Poses of F frames in the map: `anchors` by index, and those between them."""
+    """Poses of F frames in the map: `anchors` by index, and those between them.
+
+    `outliers` are localized in the map, and contradict the anchors on both sides.
+    """
 
     def __init__(
         self, frames: list[Observation], relocalizer: Relocalizer, on_frame: Callable[[], None]
     ) -> None:
-        self.frames, self.anchors = frames, dict[int, Floats]()
+        self.frames, self.anchors, self.outliers = frames, dict[int, Floats](), set[int]()
         self._relocalizer, self._on_frame = relocalizer, on_frame
         self._given = DriftingPoses([frame.world_from_camera for frame in frames])
 
@@ -107,7 +119,7 @@ class _Track:
                 self._on_frame()
 
     def drop_outliers(self) -> None:
-        """Remove the anchors that contradict those on both sides."""
+        """Make outliers of the anchors that contradict those on both sides."""
         while len(self.anchors) > 1:
             ends = sorted(self.anchors)
             faults = [not self._agree(a, b) for a, b in pairwise(ends)]
@@ -119,6 +131,30 @@ class _Track:
             if not alone:
                 return
             del self.anchors[alone[0]]
+            self.outliers.add(alone[0])
+
+    def require_consistent(self) -> None:
+        """Raise ValueError if the map contradicts many of the given poses, or their scale."""
+        count, localized = len(self.outliers), len(self.outliers) + len(self.anchors)
+        if count >= MIN_OUTLIERS and count > MAX_OUTLIER_SHARE * localized:
+            raise ValueError(
+                f"{count} of {localized} frames that show what the map knows are elsewhere than "
+                "the poses of the recording say: try --poses correct or --poses estimate"
+            )
+        steps = [
+            (self._given.motion(a, b)[:3, 3], relative(self.anchors[a], self.anchors[b])[:3, 3])
+            for a, b in pairwise(sorted(self.anchors))
+        ]
+        given_m, true_m = np.linalg.norm(np.reshape(steps, (-1, 2, 3)), axis=2).T
+        is_long = true_m >= MIN_STEP_M
+        if np.count_nonzero(is_long) < MIN_STEPS:
+            return
+        scale = float(np.median(given_m[is_long] / true_m[is_long]))
+        if abs(scale - 1) > MAX_SCALE_ERROR:
+            raise ValueError(
+                f"the poses of the recording are {scale:.2f} times as far apart as the map says: "
+                "they have another scale; --poses estimate takes it from the depth"
+            )
 
     def pose(self, k: int) -> Floats:
         """Return the pose [4,4] of a frame, from the anchors around it."""
@@ -146,6 +182,7 @@ class _Track:
         if found.status != "ok" or found.world_from_camera is None:
             return False
         self.anchors[k] = found.world_from_camera
+        self.outliers.discard(k)
         return True
 
     def _frame(self, k: int) -> RgbdFrame:

@@ -25,6 +25,8 @@ from gslts.store.causes import ExtensionCause
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.trajectory_file import extension_by, open_recording
 
+MOVED = np.eye(4)
+MOVED[0, 3] = 1.0
 TURN_RAD = 0.7
 MOTION = np.array(
     [
@@ -162,6 +164,44 @@ def test_frames_beyond_a_jump_are_named(tmp_path):
     placement = extend_map(path, half_room.with_poses(visit, jump), half_room.CONFIG).placement
     assert any(reason.startswith(f"{names[gap]}: ") for reason in placement.unplaced)
     assert all("contradict" in reason for reason in placement.unplaced)
+
+
+def shifted(poses):
+    """Return poses of which every second one is a metre off."""
+    poses[1::2, 0, 3] += 1.0
+    return poses
+
+
+def larger(poses):
+    """Return poses of another scale."""
+    poses[:, :3, 3] *= 1.3
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [(shifted, "are elsewhere than the poses of the recording say"), (larger, "1.3. times as far")],
+)
+def test_poses_that_contradict_the_map_are_rejected(tmp_path, change, reason):
+    path, visit = half_room.map_of_half(tmp_path / "map"), half_room.recording(tmp_path / "visit")
+    with pytest.raises(ValueError, match=reason):
+        extend_map(path, half_room.with_poses(visit, change), half_room.CONFIG)
+    with open_map(path) as store:
+        assert store.version().number == 1
+
+
+def test_frame_that_the_map_shows_elsewhere_is_named(tmp_path):
+    path, visit = half_room.map_of_half(tmp_path / "map"), half_room.recording(tmp_path / "visit")
+    dataset = half_room.with_poses(visit, lambda poses: poses)
+    frames = {frame.name: Observation.of(frame.read()) for frame in dataset.frames}
+    relocalizer = Relocalizer.of_map(path)
+    wrong = placement.place_frames(frames, relocalizer).anchors[1]
+    frames[wrong] = replace(
+        frames[wrong], world_from_camera=frames[wrong].world_from_camera @ MOVED
+    )
+    placed = placement.place_frames(frames, relocalizer)
+    assert wrong not in placed.frames
+    assert placed.unplaced == (f"{wrong}: the map shows it elsewhere than its pose says",)
 
 
 def test_known_space_alone_changes_nothing(tmp_path):
