@@ -78,6 +78,17 @@ def texture(seed: int, height: int = 90, width: int = 120) -> np.ndarray:
     return squares.repeat(6, 0).repeat(6, 1)
 
 
+def boxes(seed: int, height: int = 90, width: int = 120, count: int = 40) -> np.ndarray:
+    """Return [H,W,3] boxes of random sizes and colours, in front of each other."""
+    rng = np.random.default_rng(seed)
+    image = np.full((height, width, 3), 0.5, np.float32)
+    for _ in range(count):
+        y, x = rng.integers(-10, (height, width))
+        down, right = rng.integers(5, 30, 2)
+        image[max(0, y) : max(0, y + down), max(0, x) : max(0, x + right)] = rng.random(3)
+    return image
+
+
 def classify(
     images: dict[str, np.ndarray], rule: ObjectRule | None = None
 ) -> tuple[list[Any], np.ndarray]:

@@ -30,9 +30,10 @@ from gslts.change.depth_quality import DepthQuality, depth_quality
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
+    appearance_fault,
     correction_fault,
+    depth_fault,
     frame_fault,
-    place_fault,
     view_fault,
 )
 from gslts.change.rules import gs_lts_change, object_changes, shift_change
@@ -254,10 +255,10 @@ class ChangeDetector:
             return Detection((), fault, camera, observed_rgb)
         unknown = self._unknown_pixels(images, known, detail, depth)
         comparable = ~np.any(list(unknown.values()), axis=0)
-        cosines = similarity(
-            self._features(observed_rgb), self._features(rendered_rgb), *known.shape
-        )
-        fault = place_fault(cosines, observed_depth, images.depth, comparable, depth)
+        features = self._features(observed_rgb), self._features(rendered_rgb)
+        cosines = similarity(*features, *known.shape)
+        fault = appearance_fault(features, cosines, comparable, depth)
+        fault = fault or depth_fault(observed_depth, images.depth, comparable, depth)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         views = _core.Views(

@@ -8,8 +8,17 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from gslts.change.constants import GRADIENT_FLOOR, ORIENTATIONS, POOLING_SIGMAS
+from gslts.change.constants import (
+    GRADIENT_FLOOR,
+    ORIENTATIONS,
+    PEAK_STEP_SHARE,
+    PEAK_STEPS,
+    POOLING_SIGMAS,
+)
 from gslts.types import Floats32
+
+MIN_DEVIATION = 1e-6
+"""Minimum standard deviation of mean cosines that is more than rounding."""
 
 
 class FeatureExtractor(Protocol):
@@ -85,6 +94,48 @@ def similarity(first: Floats32, second: Floats32, height: int, width: int) -> Fl
         return cosines
     resized = cv2.resize(cosines, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(resized, np.float32)
+
+
+def alignment_peak(first: Floats32, second: Floats32) -> float:
+    """Compute how much better two feature images agree as they are than displaced.
+
+    This is the ratio of peak and sidelobes of a correlation (Bolme et al. 2010), of mean cosines:
+    it asks if the images show one place, whatever light and objects have changed there.
+
+    Args:
+        first: [h,w,D] features.
+        second: [h,w,D] features.
+
+    Returns:
+        Mean cosine without a displacement minus its mean over displacements in all directions, in
+        standard deviations of the latter; 0 if no displacement changes it, or if the images are
+        too small to be displaced.
+    """
+    height, width = first.shape[:2]
+    step = max(1, round(PEAK_STEP_SHARE * width))
+    if min(height, width) <= PEAK_STEPS * step:
+        return 0.0
+    first, second = (
+        features / np.maximum(np.linalg.norm(features, axis=-1, keepdims=True), 1e-12)
+        for features in (first, second)
+    )
+
+    def agreement(right: int, down: int) -> float:
+        """Return the mean cosine where the displaced images overlap."""
+        rows, columns = slice(max(0, down), height + down), slice(max(0, right), width + right)
+        moved_rows, moved = (
+            slice(max(0, -down), height - down),
+            slice(max(0, -right), width - right),
+        )
+        products = first[rows, columns] * second[moved_rows, moved]
+        return float(products.sum(axis=-1).mean())
+
+    offsets = [step * k for k in range(-PEAK_STEPS, PEAK_STEPS + 1)]
+    displaced = [agreement(x, y) for x in offsets for y in offsets if (x, y) != (0, 0)]
+    deviation = float(np.std(displaced))
+    if deviation < MIN_DEVIATION:
+        return 0.0
+    return (agreement(0, 0) - float(np.mean(displaced))) / deviation
 
 
 def feature_extractor(name: str) -> FeatureExtractor:

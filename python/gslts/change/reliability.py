@@ -8,22 +8,27 @@ from gslts.change.blur import Detail
 from gslts.change.constants import (
     BLACK,
     DEPTH_TOLERANCE,
+    MAX_ALIGNED_DEPTHLESS_SHARE,
+    MAX_ALIGNED_SHARE,
     MAX_CLIPPED_SHARE,
-    MAX_COARSE_DISSIMILAR_SHARE,
     MAX_CORRECTION_M,
     MAX_CORRECTION_RAD,
-    MAX_DEPTHLESS_DISSIMILAR_SHARE,
     MAX_DISSIMILAR_SHARE,
     MIN_AGREEING_SHARE,
-    MIN_AGREEMENT,
+    MIN_ALIGNMENT_PEAK,
+    MIN_COARSE_AGREEING_SHARE,
     MIN_KNOWN_SHARE,
     SIMILAR,
     WHITE,
 )
 from gslts.change.depth_quality import DepthQuality
+from gslts.change.features import alignment_peak
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import pose_distance
 from gslts.types import Bools, Floats, Floats32
+
+WRONG_POSE = "pose, intrinsics or scale are wrong"
+"""What makes a frame show another scene than the map."""
 
 
 def frame_fault(observed_rgb: Floats32) -> str | None:
@@ -75,41 +80,51 @@ def view_fault(detail: Detail, known: Bools) -> str | None:
     return None
 
 
-def place_fault(
-    similarity: Floats32,
-    observed_depth: Floats32,
-    rendered_depth: FloatArray,
-    known: Bools,
-    depth: DepthQuality,
+def appearance_fault(
+    features: tuple[Floats32, Floats32], similarity: Floats32, known: Bools, depth: DepthQuality
 ) -> str | None:
-    """Check if a frame shows the same scene as the rendering, by features and depths.
+    """Check if a frame shows the same scene as the rendering, by their features.
 
     Args:
-        similarity: [H,W] cosine of the features of both.
-        observed_depth: [H,W] m; 0 where nothing was measured.
-        rendered_depth: [H,W] m; 0 where the map is empty.
+        features: [h,w,D] of the frame and of the rendering.
+        similarity: [H,W] their cosine.
         known: [H,W] pixels that the map covers.
-        depth: Quality of the measured depth. If it is coarse, light that changed and nudged
-            furniture count only together with depths that disagree.
+        depth: Quality of the measured depth.
 
     Returns:
         The reason why it shows another scene; None if it does not.
     """
     dissimilar = float((similarity[known] < SIMILAR).mean())
-    appearance = f"{100 * dissimilar:.0f} % appear different: pose or intrinsics are wrong"
+    if dissimilar <= MAX_DISSIMILAR_SHARE:
+        return None
+    most = MAX_ALIGNED_DEPTHLESS_SHARE if depth == "none" else MAX_ALIGNED_SHARE
+    if dissimilar <= most and alignment_peak(*features) >= MIN_ALIGNMENT_PEAK:
+        return None
+    return f"{100 * dissimilar:.0f} % of the pixels appear different: {WRONG_POSE}"
+
+
+def depth_fault(
+    observed_depth: Floats32, rendered_depth: FloatArray, known: Bools, depth: DepthQuality
+) -> str | None:
+    """Check if a frame shows the same scene as the rendering, by their depths.
+
+    Args:
+        observed_depth: [H,W] m; 0 where nothing was measured.
+        rendered_depth: [H,W] m; 0 where the map is empty.
+        known: [H,W] pixels that the map covers.
+        depth: Quality of the measured depth; without any, nothing is checked.
+
+    Returns:
+        The reason why it shows another scene; None if it does not.
+    """
     if depth == "none":
-        is_same = dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE
-        return None if is_same else f"of the pixels {appearance}"
+        return None
     both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
         return "no depth is measured where the map is known"
     errors = np.abs(observed_depth - rendered_depth)[both]
     agreeing = float((errors < DEPTH_TOLERANCE * rendered_depth[both]).mean())
-    if depth == "coarse":
-        is_same = dissimilar <= MAX_COARSE_DISSIMILAR_SHARE
-        is_same &= agreeing - dissimilar >= MIN_AGREEMENT
-    else:
-        is_same = agreeing >= MIN_AGREEING_SHARE and dissimilar <= MAX_DISSIMILAR_SHARE
-    if is_same:
+    least = MIN_COARSE_AGREEING_SHARE if depth == "coarse" else MIN_AGREEING_SHARE
+    if agreeing >= least:
         return None
-    return f"depths agree in {100 * agreeing:.0f} % of the pixels and {appearance}"
+    return f"depths agree in {100 * agreeing:.0f} % of the pixels: {WRONG_POSE}"

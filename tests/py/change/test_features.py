@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from change_images import texture
+from change_images import boxes, texture
 
-from gslts.change.features import OrientedGradients, feature_extractor, similarity
+from gslts.change.features import OrientedGradients, alignment_peak, feature_extractor, similarity
 
 HEIGHT, WIDTH = 90, 120
 BORDER_PX = 16
@@ -36,6 +36,45 @@ def test_features_move_with_the_image(halvings: int) -> None:
     inner = (slice(border + 5, -border - 5), slice(border + 9, -border - 9))
     np.testing.assert_allclose(moved[inner], expected[inner], atol=1e-5)
     assert np.abs(moved - features(image))[inner].max() > 0.01
+
+
+def test_only_aligned_images_have_a_peak() -> None:
+    """Other light and objects on a third of the image keep it; displacements and mirrors do not."""
+    features = OrientedGradients()
+    for seed in range(5):
+        image = boxes(seed)
+        changed = 0.6 * image + 0.2
+        changed[:, : WIDTH // 3] = boxes(100 + seed)[:, : WIDTH // 3]
+        assert alignment_peak(features(image), features(changed)) > 4
+        for other in (np.roll(image, 18, axis=1), image[:, ::-1], boxes(200 + seed)):
+            peak = alignment_peak(features(image), features(np.ascontiguousarray(other)))
+            assert peak < 4
+
+
+@pytest.mark.parametrize("shape", [(HEIGHT, WIDTH, 3), (8, 8, 3), (2, 2, 3)])
+def test_plain_and_tiny_images_have_no_peak(shape: tuple[int, ...]) -> None:
+    plain = OrientedGradients()(np.full(shape, 0.5, np.float32))
+    assert alignment_peak(plain, plain) == 0
+
+
+def test_the_peak_is_that_of_its_definition() -> None:
+    """A double-precision sum over pixels and displacements of 9 and 18 of 120 cells."""
+    rng = np.random.default_rng(0)
+    a, b = (rng.random((HEIGHT, WIDTH, 3)).astype(np.float32) for _ in range(2))
+    first, second = (x / np.linalg.norm(x.astype(np.float64), axis=-1)[..., None] for x in (a, b))
+    means = {}
+    for right in (-18, -9, 0, 9, 18):
+        for down in (-18, -9, 0, 9, 18):
+            pairs = [
+                first[y, x] @ second[y - down, x - right]
+                for y in range(max(0, down), min(HEIGHT, HEIGHT + down))
+                for x in range(max(0, right), min(WIDTH, WIDTH + right))
+            ]
+            means[right, down] = np.mean(pairs)
+    peak = means.pop((0, 0))
+    others = np.array(list(means.values()))
+    expected = (peak - others.mean()) / others.std()
+    assert alignment_peak(a, b) == pytest.approx(expected, abs=1e-2)
 
 
 def test_halved_features_are_those_of_the_halved_image() -> None:
