@@ -23,7 +23,6 @@ from logistic_regression import fit, logistic
 from tqdm import tqdm
 
 from gslts._core import detect as _core
-from gslts.change.depth_quality import DepthQuality
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.camera import Camera, unproject
 from gslts.core.frame import RgbdFrame
@@ -63,7 +62,7 @@ class RegionDetector(ChangeDetector):
         self._shape = observed_depth.shape
         return super()._compare(observed_rgb, observed_depth, camera, *others)
 
-    def _changes(self, views: _core.Views, masks: _core.Masks, _depth: DepthQuality) -> Any:
+    def _changes(self, views: _core.Views, masks: _core.Masks, *_: Any) -> Any:
         self.regions = _core.find_regions(views, masks, self.config.objects)
         return (), (), np.zeros(self._shape, np.int32)
 

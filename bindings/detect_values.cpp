@@ -170,7 +170,8 @@ void define_surface(py::module_& m) {
       .def_readonly("samples", &Surface::samples)
       .def_readonly("color_histogram", &Surface::color_histogram)
       .def_readonly("evidence", &Surface::evidence)
-      .def_readonly("color_confidence", &Surface::color_confidence)
+      .def_readwrite("color_confidence", &Surface::color_confidence,
+                     "May be set: what updates added is not known to the detection.")
       .def_readwrite("visibility", &Surface::visibility,
                      "May be set: the map's training cameras are not known to the detection.");
 }

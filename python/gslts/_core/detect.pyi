@@ -322,6 +322,11 @@ class Surface:
         ...
     @property
     def color_confidence(self) -> float | None:
+        """
+        May be set: what updates added is not known to the detection.
+        """
+    @color_confidence.setter
+    def color_confidence(self, arg0: typing.SupportsFloat | typing.SupportsIndex | None) -> None:
         ...
     @property
     def color_histogram(self) -> list[float]:

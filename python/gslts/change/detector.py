@@ -26,6 +26,7 @@ from gslts.change.constants import (
     NEAR_SIGMAS,
     POSE_STDS,
 )
+from gslts.change.departures import are_in, expect_departures
 from gslts.change.depth_quality import DepthQuality, depth_quality
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
@@ -47,7 +48,7 @@ from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
 from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import read_map
+from gslts.store.map_folder import read_map, update_ids_of_map
 from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
 from gslts.types import Bools, Floats32, Ints32
 
@@ -101,6 +102,8 @@ class ChangeDetector:
             Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
         measurements: What the recording of the map tells of its Gaussians. Changes of what no
             depth confirms cannot be judged; depth steps count from a multiple of the noise.
+        update_ids: Ids of the Gaussians that updates added: what came is likelier to go than
+            other things.
 
     Attributes:
         config: Settings.
@@ -118,15 +121,21 @@ class ChangeDetector:
         features: FeatureExtractor | None = None,
         cameras: Iterable[Camera] = (),
         measurements: Measurements = NO_MEASUREMENTS,
+        update_ids: Sequence[range] = (),
     ) -> None:
         if gaussian_map.dtype != np.float32:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
         self._plain = gaussian_map.without_features()
+        self._update_ids = tuple(update_ids)
         self._drawn = gaussian_map.with_features(
             lambda ids: np.column_stack(
-                [measurements.is_measured_of(ids), measurements.errors_of(ids)]
+                [
+                    measurements.is_measured_of(ids),
+                    measurements.errors_of(ids),
+                    are_in(ids, self._update_ids),
+                ]
             ).astype(np.float32)
         )
         self._features = OrientedGradients() if features is None else features
@@ -164,6 +173,7 @@ class ChangeDetector:
             features=features,
             cameras=cameras_of_map(path).values(),
             measurements=read_measurements(path),
+            update_ids=update_ids_of_map(path),
         )
 
     @property
@@ -187,6 +197,7 @@ class ChangeDetector:
             features=self._features,
             cameras=cameras,
             measurements=self._measurements,
+            update_ids=self._update_ids,
         )
 
     def detect(self, frame: RgbdFrame) -> Detection:
@@ -273,7 +284,8 @@ class ChangeDetector:
             **self._expected_errors(images),
         )
         masks = _core.compute_masks(views, config.masks)
-        changes, surfaces, labels = self._changes(views, masks, depth)
+        came = images.features[..., 3] / np.maximum(images.alpha, np.float32(MIN_ERROR_ALPHA))
+        changes, surfaces, labels = self._changes(views, masks, depth, came)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
@@ -319,15 +331,23 @@ class ChangeDetector:
         return pixels
 
     def _changes(
-        self, views: _core.Views, masks: _core.Masks, depth: DepthQuality
+        self, views: _core.Views, masks: _core.Masks, depth: DepthQuality, came: Floats32
     ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], Ints32]:
-        """Return the changes, the surfaces they come from, and the label image of either."""
+        """Return the changes, the surfaces they come from, and the label image of either.
+
+        Args:
+            views: Images of the frame and of the map.
+            masks: Of the same views.
+            depth: Quality of the measured depth.
+            came: [H,W] weight, 0 to 1, of what updates added in each pixel of the map.
+        """
         if self.config.strategy == "gs_lts":
             change, labels = _core.detect_gs_lts(views, masks, self.config.gs_lts)
             return () if change is None else (gs_lts_change(change, labels),), (), labels
         is_fine = depth == "fine"
         find = _core.find_changed_surfaces if is_fine else _core.find_changed_regions
         surfaces, labels = find(views, masks, self.config.objects)
+        expect_departures(surfaces, labels, came)
         if self._visibility.has_cameras:
             for surface in surfaces:
                 surface.visibility = self._visibility_of(surface)

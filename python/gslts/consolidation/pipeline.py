@@ -97,7 +97,11 @@ def consolidate_store(
         return MapConsolidation(newest, None, "nothing changed since the last consolidation")
     gaussian_map, cameras = store.read(), list(cameras_of_map(store.folder).values())
     detector = ChangeDetector(
-        gaussian_map, detection, cameras=cameras, measurements=read_measurements(store.folder)
+        gaussian_map,
+        detection,
+        cameras=cameras,
+        measurements=read_measurements(store.folder),
+        update_ids=store.update_ids(),
     )
     done = consolidate(
         gaussian_map,

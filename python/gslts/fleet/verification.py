@@ -91,7 +91,12 @@ def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
         return reject_all(cause, f"{rival} changed the same region; observe it again")
     cameras = [*cameras_of_store(replica).values(), *(frame.camera for frame in frames)]
     measurements = read_measurements(replica.folder)
-    detector = ChangeDetector(attempt.head, cameras=cameras, measurements=measurements)
+    detector = ChangeDetector(
+        attempt.head,
+        cameras=cameras,
+        measurements=measurements,
+        update_ids=replica.update_ids(),
+    )
     reasons = [
         _reason_to_give_up(attempt, change, _shows_change(detector, frames, own))
         for change, own in zip(cause.changes, regions, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Self
 
@@ -94,6 +95,24 @@ class History:
             ValueError: There is no such version.
         """
         return set(self._index.lineage(self.version(number).number))
+
+    def update_ids(self, number: int | None = None) -> list[range]:
+        """Return the ids of the Gaussians that updates added, such as those of objects that came.
+
+        Args:
+            number: Of the version; None means the newest.
+
+        Returns:
+            Ids of each update, oldest first. Extensions and consolidations are no updates.
+
+        Raises:
+            ValueError: There is no such version.
+        """
+        return [
+            range(before.next_id, version.next_id)
+            for before, version in pairwise(self.lineage(number))
+            if version.cause.kind == "update"
+        ]
 
     def events(self) -> list[Event]:
         """Return the object changes as the updates found them, oldest first.

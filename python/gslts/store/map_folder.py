@@ -95,6 +95,26 @@ def read_map(path: Path | str) -> GaussianMap:
         return store.read(number)
 
 
+def update_ids_of_map(path: Path | str) -> list[range]:
+    """Return the ids of the Gaussians that updates added to a map; see `History.update_ids`.
+
+    Args:
+        path: As for `read_map`.
+
+    Returns:
+        Ids of each update; none for a file of 3DGS.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: The path is no map, or there is no such version.
+    """
+    folder, number = split_version(Path(path))
+    if not folder.is_dir():
+        return []
+    with open_map(folder) as store:
+        return store.update_ids(number)
+
+
 def open_map(path: Path | str, *, writable: bool = False) -> MapStore:
     """Open the versions of a map.
 

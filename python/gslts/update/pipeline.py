@@ -84,7 +84,11 @@ def update_map(
         cameras = list(cameras_of_map(path).values())
         semantics = MapSemantics.of_map(path, config.threads)
         detector = ChangeDetector(
-            gaussian_map, detection, cameras=cameras, measurements=read_measurements(path)
+            gaussian_map,
+            detection,
+            cameras=cameras,
+            measurements=read_measurements(path),
+            update_ids=store.update_ids(),
         )
         changes, fault = _detect(detector, robot, frames, monitor)
         if fault is not None:

@@ -144,6 +144,19 @@ def test_object_changes_are_recorded(folder: Path) -> None:
         assert store.events()[0] == Event(version=2, **addition("Mug").model_dump())
 
 
+def test_ids_of_updates_are_those_of_the_lineage(folder: Path) -> None:
+    with MapStore(folder, writable=True) as store:
+        first = store.version().next_id
+        assert store.update_ids() == []
+        for seed, cause in enumerate((UpdateCause(), ROOM, UpdateCause())):
+            store.commit(edited(store.read(), seed, store.version().next_id), cause)
+        assert store.version().next_id == first + 21
+        assert store.update_ids() == [range(first, first + 7), range(first + 14, first + 21)]
+        assert store.update_ids(1) == []
+        store.restore(1)
+        assert store.update_ids() == []
+
+
 def test_object_changes_between_versions_follow_the_lineage(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [addition("Mug")])

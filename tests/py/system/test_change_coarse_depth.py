@@ -6,7 +6,8 @@ import change_room
 import numpy as np
 import pytest
 
-from gslts.change.detector import Detection
+from gslts.change.changes import Change
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
 from gslts_sim.home import Home
 
@@ -51,6 +52,27 @@ def test_an_object_is_found_by_its_colors(kind: str, x: float, y: float) -> None
     assert np.mean(found) >= 0.75
     surfaces = [surface for detection in detections for surface in detection.surfaces]
     assert all(surface.color_confidence is not None for surface in surfaces)
+
+
+def test_what_an_update_added_is_likelier_gone() -> None:
+    gaussian_map, cameras = change_room.mapped()
+    frame = coarse(change_room.see(changed_home("removal"), change_room.VIEWPOINTS[0], "kinect"))
+
+    def removal(update_ids: list[range]) -> Change:
+        detector = ChangeDetector(
+            gaussian_map, change_room.CONFIG, cameras=cameras.values(), update_ids=update_ids
+        )
+        (found,) = detector.detect(frame).changes
+        return found
+
+    before = removal([])
+    assert before.boxes[0] is not None
+    low, high = before.boxes[0]
+    means = gaussian_map.means + gaussian_map.origin
+    ids = gaussian_map.ids[((means > low - 0.05) & (means < high + 0.05)).all(axis=1)]
+    after = removal([range(int(k), int(k) + 1) for k in ids])
+    assert before.kind == after.kind == "removal"
+    assert before.confidence < after.confidence < 1
 
 
 def test_nothing_is_found_where_nothing_changed() -> None:

@@ -1,0 +1,48 @@
+"""Objects that came since a map was made: they are likelier to go than what was always there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from gslts._core import detect as _core
+from gslts.change.constants import CAME_LOG_ODDS, MIN_CAME_SHARE
+from gslts.types import Bools, Floats32, Ints32, UInts64
+
+
+def are_in(ids: UInts64, ranges: Sequence[range]) -> Bools:
+    """Return which ids are in one of some ranges.
+
+    Args:
+        ids: [N] of Gaussians.
+        ranges: Ranges with a step of 1.
+
+    Returns:
+        [N] bool.
+    """
+    found = np.zeros(len(ids), np.bool_)
+    for part in ranges:
+        found |= (ids >= part.start) & (ids < part.stop)
+    return found
+
+
+def expect_departures(surfaces: Iterable[_core.Surface], labels: Ints32, came: Floats32) -> None:
+    """Raise the confidence of regions of the map that mostly show what updates added.
+
+    Args:
+        surfaces: Surfaces visible in only one of map and frame; those without a confidence of
+            their colours stay as they are.
+        labels: [H,W] label of the surface at each pixel, 0 for none.
+        came: [H,W] weight, 0 to 1, of what updates added in each pixel of the map.
+    """
+    if not came.any():
+        return
+    for surface in surfaces:
+        confidence = surface.color_confidence
+        if confidence is None or surface.side != _core.Side.BEFORE:
+            continue
+        own = labels == surface.label
+        if own.any() and came[own].mean() >= MIN_CAME_SHARE:
+            came_odds = np.exp(CAME_LOG_ODDS) * confidence
+            surface.color_confidence = float(came_odds / (came_odds + 1 - confidence))
