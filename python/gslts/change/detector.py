@@ -284,7 +284,9 @@ class ChangeDetector:
             **self._expected_errors(images),
         )
         masks = _core.compute_masks(views, config.masks)
-        came = images.features[..., 3] / np.maximum(images.alpha, np.float32(MIN_ERROR_ALPHA))
+        came = np.asarray(
+            images.features[..., 3] / np.maximum(images.alpha, MIN_ERROR_ALPHA), np.float32
+        )
         changes, surfaces, labels = self._changes(views, masks, depth, came)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
