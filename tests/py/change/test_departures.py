@@ -1,4 +1,4 @@
-"""What updates added is likelier to go than other things."""
+"""Objects that came by updates are likelier to go than other things."""
 
 import numpy as np
 import pytest

@@ -144,36 +144,6 @@ def test_object_changes_are_recorded(folder: Path) -> None:
         assert store.events()[0] == Event(version=2, **addition("Mug").model_dump())
 
 
-def test_ids_of_updates_are_those_of_the_lineage(folder: Path) -> None:
-    with MapStore(folder, writable=True) as store:
-        first = store.version().next_id
-        assert store.update_ids() == []
-        for seed, cause in enumerate((UpdateCause(), ROOM, UpdateCause())):
-            store.commit(edited(store.read(), seed, store.version().next_id), cause)
-        assert store.version().next_id == first + 21
-        assert store.update_ids() == [range(first, first + 7), range(first + 14, first + 21)]
-        assert store.update_ids(1) == []
-        store.restore(1)
-        assert store.update_ids() == []
-
-
-def test_object_changes_between_versions_follow_the_lineage(folder: Path) -> None:
-    with MapStore(folder, writable=True) as store:
-        store.commit(store.read(), UpdateCause(), [addition("Mug")])
-        store.restore(1)
-        store.commit(store.read(), UpdateCause(), [addition("Book")])
-
-        def types(before: int, after: int) -> list[list[str]]:
-            sides = store.changes_between(before, after)
-            return [[event.type for _, event in changes] for changes in sides]
-
-        assert types(1, 2) == [["Mug"], []]
-        assert types(2, 1) == [[], ["Mug"]]
-        assert types(1, 3) == [[], []]
-        assert types(2, 4) == [["Book"], ["Mug"]]
-        assert [version.number for version in store.lineage(4)] == [1, 3, 4]
-
-
 def test_readers_and_one_writer_work_at_the_same_time(folder: Path) -> None:
     with MapStore(folder) as reader, MapStore(folder, writable=True) as writer:
         before = reader.read()
