@@ -19,7 +19,11 @@ def test_ids_are_in_ranges() -> None:
     ids = np.array([0, 4, 5, 9, 10, 2**60], np.uint64)
     assert are_in(ids, []).tolist() == [False] * 6
     expected = [True, False, True, True, False, False]
-    assert are_in(ids, [range(1), range(5, 10), range(7, 7)]).tolist() == expected
+    assert are_in(ids, [range(1), range(5, 5), range(5, 10)]).tolist() == expected
+    ranges = [range(k, k + 3) for k in range(0, 1000, 7)]
+    many = np.arange(1100, dtype=np.uint64)
+    inside = set().union(*ranges)
+    assert are_in(many, ranges).tolist() == [k in inside for k in range(1100)]
 
 
 def test_only_regions_of_what_came_are_raised() -> None:
