@@ -45,6 +45,8 @@ MIN_ALIGNMENT_PEAK = 2.4
 have more, and 2 of the same frames mirrored, one of which looks along the middle of a room."""
 PEAK_STEP_SHARE, PEAK_STEPS = 0.075, 2
 """Step of these displacements, as a share of the width, and their number in each direction."""
+MIN_DEVIATION = 1e-6
+"""Minimum standard deviation of the mean cosines of displaced images; less is rounding."""
 MAX_CHANGED_SHARE = 0.4
 """Maximum share of the known view covered by changes; if more differs, the pose or the map is
 wrong."""

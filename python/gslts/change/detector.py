@@ -284,10 +284,7 @@ class ChangeDetector:
             **self._expected_errors(images),
         )
         masks = _core.compute_masks(views, config.masks)
-        came = np.asarray(
-            images.features[..., 3] / np.maximum(images.alpha, MIN_ERROR_ALPHA), np.float32
-        )
-        changes, surfaces, labels = self._changes(views, masks, depth, came)
+        changes, surfaces, labels = self._changes(views, masks, depth, _mean_drawn(images, 3))
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
@@ -313,11 +310,7 @@ class ChangeDetector:
 
     def _expected_errors(self, images: Images) -> dict[str, Floats32]:
         """Return [H,W] expected errors of the rendered depth, m, and colours, as for `Views`."""
-        weight = np.maximum(images.alpha, MIN_ERROR_ALPHA)
-        return {
-            name: np.ascontiguousarray(images.features[..., channel] / weight)
-            for channel, name in ((1, "depth_error"), (2, "color_error"))
-        }
+        return {"depth_error": _mean_drawn(images, 1), "color_error": _mean_drawn(images, 2)}
 
     def _unknown_pixels(
         self, images: Images, known: Bools, detail: Detail, depth: DepthQuality
@@ -379,6 +372,12 @@ class ChangeDetector:
             seen_through=counts.through.sum(),
             known_share=float(seen.mean()),
         )
+
+
+def _mean_drawn(images: Images, channel: int) -> Floats32:
+    """Return [H,W] the mean of a channel over the Gaussians that each pixel shows."""
+    weight = np.maximum(images.alpha, MIN_ERROR_ALPHA)
+    return np.ascontiguousarray(images.features[..., channel] / weight, np.float32)
 
 
 def choose_evenly(cameras: Sequence[Camera], count: int) -> list[Camera]:

@@ -10,15 +10,13 @@ import numpy as np
 
 from gslts.change.constants import (
     GRADIENT_FLOOR,
+    MIN_DEVIATION,
     ORIENTATIONS,
     PEAK_STEP_SHARE,
     PEAK_STEPS,
     POOLING_SIGMAS,
 )
 from gslts.types import Floats32
-
-MIN_DEVIATION = 1e-6
-"""Minimum standard deviation of mean cosines that is more than rounding."""
 
 
 class FeatureExtractor(Protocol):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Self
 
@@ -108,11 +107,7 @@ class History:
         Raises:
             ValueError: There is no such version.
         """
-        return [
-            range(before.next_id, version.next_id)
-            for before, version in pairwise(self.lineage(number))
-            if version.cause.kind == "update"
-        ]
+        return self._index.update_ids(self.version(number).number)
 
     def events(self) -> list[Event]:
         """Return the object changes as the updates found them, oldest first.

@@ -66,6 +66,27 @@ class Index(IndexFile):
             ) SELECT number FROM lineage ORDER BY number DESC"""
         return self._read(query, lambda row: int(row["number"]), (number,))
 
+    def update_ids(self, number: int) -> list[range]:
+        """Return the ids of Gaussians that the updates in the lineage of a version added.
+
+        Args:
+            number: Of the version.
+
+        Returns:
+            Ids of each update, oldest first. Causes are not parsed, which would take most time.
+        """
+        query = """
+            WITH RECURSIVE lineage (number, parent, next_id, cause) AS (
+                SELECT number, parent, next_id, cause FROM versions WHERE number = ?
+                UNION ALL
+                SELECT versions.number, versions.parent, versions.next_id, versions.cause
+                FROM versions JOIN lineage
+                ON versions.number = lineage.parent AND versions.number < lineage.number
+            ) SELECT before.next_id AS start, lineage.next_id AS stop
+            FROM lineage JOIN versions AS before ON before.number = lineage.parent
+            WHERE json_extract(lineage.cause, '$.kind') = 'update' ORDER BY lineage.number"""
+        return self._read(query, lambda row: range(row["start"], row["stop"]), (number,))
+
     def snapshots(self) -> dict[int, Snapshot]:
         """Return the files of versions that were stored as a whole, by number."""
         rows = self._read("SELECT * FROM snapshots", _snapshot)
