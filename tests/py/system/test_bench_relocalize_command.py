@@ -12,6 +12,8 @@ from PIL import Image
 from gslts_bench.relocalization.room import FOLDS
 from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE
 
+pytestmark = pytest.mark.long
+
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
 MAPPED = (*SETTINGS, "--set", "voxel_m=0.05", "--work", "work")
 RUN = ("bench", "relocalize", *SMALL, *MAPPED, "--views", "4", "--ablation", "--trade", "t.png")

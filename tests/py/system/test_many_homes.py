@@ -19,6 +19,7 @@ def test_hundred_homes_of_each_type_are_sound():
     assert [complaint for of_home in found for complaint in of_home] == []
 
 
+@pytest.mark.long
 def test_every_task_of_many_homes_replays() -> None:
     """Tasks replay also if the robot's start is where an object goes."""
     maker = TaskMaker(TaskSettings(width=16, height=16), 0)

@@ -283,6 +283,7 @@ class Photograph:
         return replace(blob_room.frame(self._camera), camera=self.camera)
 
 
+@pytest.mark.long
 def test_images_without_depth_make_a_map() -> None:
     cameras = blob_room.cameras(16)
     frames = [Photograph(k, camera) for k, camera in enumerate(cameras)]
