@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gslts.core.camera import at_pose, downscale
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import product, relative, se3_retract, twist_of
 from gslts.extension.constants import (
@@ -19,12 +20,17 @@ from gslts.extension.constants import (
     MAX_SCALE_ERROR,
     MAX_SCOUTS,
     MIN_ANCHORS,
+    MIN_KNOWN_ALPHA,
     MIN_OUTLIERS,
+    MIN_SIGHT_SHARE,
     MIN_STEP_M,
     MIN_STEPS,
+    SIGHT_DIVISOR,
+    SIGHT_MARGIN_M,
 )
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.mapping.observation import Observation
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.trajectory.drift import DriftingPoses
 from gslts.types import Floats
 
@@ -98,6 +104,7 @@ class _Track:
     ) -> None:
         self.frames, self.anchors, self.outliers = frames, dict[int, Floats](), set[int]()
         self._relocalizer, self._on_frame = relocalizer, on_frame
+        self._rasterizer = Rasterizer(np.float32)
         self._given = DriftingPoses([frame.world_from_camera for frame in frames])
 
     def find_scouts(self) -> None:
@@ -105,9 +112,7 @@ class _Track:
         count = len(self.frames)
         scouts = np.unique(np.linspace(0, count - 1, min(count, MAX_SCOUTS)).astype(int))
         for k in scouts.tolist():
-            if not self._keep(
-                k, self._relocalizer.track(self._frame(k), self.frames[k].world_from_camera)
-            ):
+            if not self._track(k, self.frames[k].world_from_camera):
                 self._keep(k, self._relocalizer.localize(self._frame(k)))
             self._on_frame()
 
@@ -115,7 +120,7 @@ class _Track:
         """Localize all other frames, from where their neighbours are."""
         for k in range(len(self.frames)):
             if k not in self.anchors:
-                self._keep(k, self._relocalizer.track(self._frame(k), self.pose(k)))
+                self._track(k, self.pose(k))
                 self._on_frame()
 
     def drop_outliers(self) -> None:
@@ -176,6 +181,24 @@ class _Track:
         if k in self.anchors or before is None or after is None or self._agree(before, after):
             return None
         return before, after
+
+    def _track(self, k: int, predicted: Floats) -> bool:
+        """Localize a frame near a predicted pose [4,4], if the map may show it there."""
+        frame = self._frame(k)
+        if not self._may_show(frame, predicted):
+            return False
+        return self._keep(k, self._relocalizer.track(frame, predicted))
+
+    def _may_show(self, frame: RgbdFrame, predicted: Floats) -> bool:
+        """Test if enough of the depth is near what the map shows at a pose [4,4]."""
+        camera = downscale(at_pose(frame.camera, predicted), SIGHT_DIVISOR)
+        images = self._rasterizer.forward(self._relocalizer.gaussian_map, camera, RenderOptions())
+        middle = slice(SIGHT_DIVISOR // 2, None, SIGHT_DIVISOR)
+        depth = frame.depth[middle, middle][: camera.height, : camera.width]
+        near = np.abs(images.depth - depth) < SIGHT_MARGIN_M
+        near &= images.alpha >= MIN_KNOWN_ALPHA
+        measured = depth > 0
+        return not measured.any() or float(near[measured].mean()) >= MIN_SIGHT_SHARE
 
     def _keep(self, k: int, found: Localization) -> bool:
         """Keep the pose of a frame if the map determines it."""
