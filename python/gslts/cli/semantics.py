@@ -26,12 +26,13 @@ def semantics(
     map_path: WritableMap,
     dataset: Dataset,
     source: Annotated[
-        Source,
+        Source | None,
         typer.Option(
-            help="oracle: ground-truth labels of the dataset; clip: SAM and CLIP; "
-            "detector: a detector or instance segmentation network."
+            help="detector: a detector or instance segmentation network; clip: SAM and CLIP; "
+            "oracle: ground-truth labels of the dataset. By default the source whose models are "
+            "given, oracle without any."
         ),
-    ] = Source.ORACLE,
+    ] = None,
     clip: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="CLIP of transformers: config, safetensors, tokenizer."),
@@ -71,9 +72,9 @@ def semantics(
 
     Example: gslts semantics out/map out/day/before
 
-    Example: gslts semantics out/map out/visit --source clip --clip models/clip --sam models/sam
+    Example: gslts semantics out/map out/visit --model yolo.onnx --names names.txt
 
-    Example: gslts semantics out/map out/visit --source detector --model yolo.onnx --names names.txt
+    Example: gslts semantics out/map out/visit --clip models/clip --sam models/sam
     """
     import time
 
@@ -87,7 +88,7 @@ def semantics(
     version = add_semantics(
         map_path,
         dataset,
-        source.value,
+        source.value if source else None,
         models,
         code_dims=code_dims,
         layout=layout,

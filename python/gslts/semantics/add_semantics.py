@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from gslts.datasets import open_dataset
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.files import write_autoencoder
-from gslts.semantics.registry import open_source
+from gslts.semantics.registry import SourceName, open_source, source_of_models
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map
@@ -23,7 +23,7 @@ Progress = Callable[[Iterable[Any]], Iterable[Any]]
 def add_semantics(
     map_path: Path,
     dataset: Path,
-    source: Literal["oracle", "clip", "detector"] = "oracle",
+    source: SourceName | None = None,
     models: dict[str, Path] | None = None,
     *,
     code_dims: int = 32,
@@ -38,7 +38,8 @@ def add_semantics(
         map_path: Folder of the map.
         dataset: The dataset that the map was made from.
         source: "oracle" for ground-truth labels, "clip" for SAM and CLIP, "detector" for a detector
-            or an instance segmentation network.
+            or an instance segmentation network; None for the one whose models are given, or labels
+            without any.
         models: Folders or files of weights and names; see `open_source`.
         code_dims: Length of a code, d, of an autoencoder.
         layout: Layout of the outputs of a detector; None recognizes it.
@@ -56,6 +57,7 @@ def add_semantics(
             segment a frame.
     """
     models = {name: folder.resolve() for name, folder in (models or {}).items()}
+    source = source or source_of_models(models)
     segmenter = open_source(source, models, threads, layout)
     opened, cameras = open_dataset(dataset), cameras_of_map(map_path)
     used = [frame for frame in opened.frames if frame.name in cameras]

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 from gslts.semantics.files import require_semantics
 from gslts.semantics.source import Codec, Oracle, SemanticSource
 from gslts.store.causes import SemanticsCause
 
-MODELS = {
+SourceName = Literal["oracle", "clip", "detector"]
+
+MODELS: dict[SourceName, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "oracle": ((), ()),
     "clip": (("clip", "sam"), ()),
     "detector": (("model", "names"), ("text_model",)),
 }
 """Files or folders that each source needs, and those that it may have."""
+
+
+def source_of_models(names: Iterable[str]) -> SourceName:
+    """Return the source that needs some of the models; "oracle", of labels, without any.
+
+    Args:
+        names: Names of models, such as "clip" and "sam".
+    """
+    given = set(names)
+    return next((source for source, (needed, _) in MODELS.items() if given & {*needed}), "oracle")
 
 
 def open_text_source(
@@ -83,12 +97,12 @@ def open_text_semantics(
 
 
 def open_source(
-    name: str, models: dict[str, Path], threads: int = 0, layout: str | None = None
+    name: SourceName, models: dict[str, Path], threads: int = 0, layout: str | None = None
 ) -> SemanticSource:
     """Open a source that segments frames and encodes texts.
 
     Args:
-        name: Key of `MODELS`.
+        name: Name of the source.
         models: Folders or files, by the names of `MODELS`.
         threads: For CLIP and SAM; 0 uses the default of torch.
         layout: Layout of the outputs of a detector; None recognizes it.

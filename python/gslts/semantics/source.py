@@ -213,7 +213,10 @@ class Oracle:
             ValueError: The frame has no labels.
         """
         if frame.labels is None:
-            raise ValueError("Oracle: the frame has no labels; recordings of gslts sim have")
+            raise ValueError(
+                "Oracle: the frame has no labels, which only recordings of gslts sim have; a "
+                "detector (--model, --names) or CLIP and SAM (--clip, --sam) find words in images"
+            )
         types = sorted(set(frame.labels.types))
         row_of = {name: row for row, name in enumerate(types)}
         rows = np.array([*(row_of[name] for name in frame.labels.types), -1], np.int32)

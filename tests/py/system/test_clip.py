@@ -285,7 +285,7 @@ def test_commands_add_semantics_and_answer_queries(
     cameras = {frame.name: frame.read().camera for frame in open_dataset(tmp_path / "visit").frames}
     write_map_folder(tmp_path / "map", change_room.mapped()[0], {}, cameras)
     clip, sam = ["--clip", str(tmp_path / "clip")], ["--sam", str(tmp_path / "sam")]
-    add = ["semantics", str(tmp_path / "map"), str(tmp_path / "visit"), "--source", "clip"]
+    add = ["semantics", str(tmp_path / "map"), str(tmp_path / "visit")]
     query = ["query", str(tmp_path / "map"), "red", "--json"]
 
     def run(*arguments: str) -> str:

@@ -53,7 +53,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     capture(robot, semantic_room.viewpoints(), folder / "visit")
     cameras = {frame.name: frame.read().camera for frame in open_dataset(folder / "visit").frames}
     write_map_folder(folder / "map", change_room.mapped()[0], {}, cameras)
-    detector = ("--source", "detector", "--model", "net.onnx", "--names", "names.txt")
+    detector = ("--model", "net.onnx", "--names", "names.txt")
     done = gslts("semantics", "map", "visit", *detector, "--threads", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
