@@ -25,6 +25,8 @@ from gslts_sim.sensor import NOISE_PRESETS, Sensor
 from gslts_sim.task import Task
 from gslts_sim.task_viewpoints import FIRST_VIEW_FRACTION
 
+pytestmark = pytest.mark.long
+
 SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel_m=0.1")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")
 RUN = ("bench", "detect", *SMALL, "--frames", "16", *SETTINGS, "--work", "work")
@@ -114,7 +116,6 @@ def test_nothing_is_made_twice(done: Path) -> None:
     assert [path.stat().st_mtime_ns for path in (done / "work").rglob("versions.sqlite")] == maps
 
 
-@pytest.mark.long
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
     at_the_third = stopped_at("gslts.fleet.jobs:_count", 3)
     killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
@@ -128,7 +129,6 @@ def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None
     assert lines(copied) == lines(done)
 
 
-@pytest.mark.long
 def test_a_task_that_errors_is_named_and_ends_in_1(done: Path, copied: Path) -> None:
     path = cases_file(copied)
     content = json.loads(path.read_text())
@@ -164,7 +164,6 @@ def test_a_home_that_fails_is_named(copied: Path) -> None:
     assert "not the manifest of a map" in spoilt.stderr
 
 
-@pytest.mark.long
 def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
     process = gslts(*RUN, "--trade", "trade.png", "--json", "all.json", cwd=copied)
     assert process.returncode == 0, process.stderr
