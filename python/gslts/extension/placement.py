@@ -25,8 +25,8 @@ from gslts.extension.constants import (
     MIN_SIGHT_SHARE,
     MIN_STEP_M,
     MIN_STEPS,
-    SIGHT_DIVISOR,
     SIGHT_MARGIN_M,
+    SIGHT_WIDTH_PX,
 )
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.mapping.observation import Observation
@@ -191,9 +191,10 @@ class _Track:
 
     def _may_show(self, frame: RgbdFrame, predicted: Floats) -> bool:
         """Test if enough of the depth is near what the map shows at a pose [4,4]."""
-        camera = downscale(at_pose(frame.camera, predicted), SIGHT_DIVISOR)
+        divisor = max(1, frame.camera.width // SIGHT_WIDTH_PX)
+        camera = downscale(at_pose(frame.camera, predicted), divisor)
         images = self._rasterizer.forward(self._relocalizer.gaussian_map, camera, RenderOptions())
-        middle = slice(SIGHT_DIVISOR // 2, None, SIGHT_DIVISOR)
+        middle = slice(divisor // 2, None, divisor)
         depth = frame.depth[middle, middle][: camera.height, : camera.width]
         near = np.abs(images.depth - depth) < SIGHT_MARGIN_M
         near &= images.alpha >= MIN_KNOWN_ALPHA
