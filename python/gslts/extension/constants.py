@@ -37,9 +37,6 @@ MIN_KNOWN_ALPHA = 0.7
 MIN_NEW_SHARE = 0.05
 """Minimum share of new pixels of a frame that the map is fitted to."""
 
-MORE_FINE_SHARE = 0.06
-"""Share of the optimization by which an extension has more steps at full resolution than a map:
-0.3 dB for a tenth of its time, with the preset `fast`. Twice the steps give 0.4 dB."""
 SEAM_SHARE = 0.1
 """Share of the optimization from which on the old Gaussians of the seam are fitted, too. With 0.4,
 new space of a room has 0.5 dB less; without, walls around a new door get bright spots."""

@@ -11,7 +11,7 @@ import numpy as np
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.extension.constants import MIN_NEW_SHARE, MIN_SEEN, MORE_FINE_SHARE, SEAM_SHARE
+from gslts.extension.constants import MIN_NEW_SHARE, MIN_SEEN, SEAM_SHARE
 from gslts.extension.exposure import recording_exposure
 from gslts.extension.fit import Patch, make_patch, merge_patch, replay_frames, without_changes
 from gslts.extension.new_space import FrameSpace, KnownSpace
@@ -179,15 +179,11 @@ def _fit(
 
 
 def _settings(config: MappingConfig, frames: int, cameras: int) -> MappingConfig:
-    """Return the settings of an extension: as many steps for each frame as a map of all has.
-
-    More of them are at full resolution.
-    """
+    """Return the settings of an extension: as many steps for each frame as a map of all has."""
     share = frames / max(1, frames + cameras)
     return config.model_copy(
         update={
             "iterations": math.ceil(share * config.iterations),
-            "coarse_share": max(0.0, config.coarse_share - MORE_FINE_SHARE),
             "refine_lenses": False,
             "max_gaussians": None,
         }
