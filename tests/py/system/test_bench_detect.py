@@ -13,9 +13,9 @@ from command import gslts, stopped_at
 from PIL import Image
 
 from gslts.core.se3 import rotation_vector
-from gslts_bench.detection.cases import Case, HomeCases, counts_of, take_frame
+from gslts_bench.detection.cases import Case, HomeCases, take_frame
 from gslts_bench.detection.visits import LIGHT_SHIFT_M, move_light, visit_noise
-from gslts_bench.homes import BenchHome, HomeSetup, homes_of
+from gslts_bench.homes import BenchHome, HomeSetup
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import HomeSource
@@ -177,36 +177,6 @@ def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
         assert image.size[0] > 500
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--seeds", "3:3"), "--seeds: expected A:B with 0 <= A < B, got '3:3'"),
-        (("--seeds", "4"), "--seeds: expected A:B"),
-        (("--seeds", "4999:5001"), "4999 to 5000 are not of one split"),
-        (("--seeds", "20000:20001"), "20000 to 20000 are not of one split"),
-        (("--seeds", "-1:4"), "--seeds: expected A:B"),
-        (("--jobs", "0"), "Invalid value for '--jobs'"),
-        (("--tasks", "0"), "Invalid value for '--tasks'"),
-        (("--json", "/dev/null/a.json"), "/dev/null"),
-        (("--json", "."), "gslts: . is a folder"),
-        (("--size", "640"), "--size: expected WxH"),
-        (("--room", "garage"), "expected some of kitchen, living_room, bedroom"),
-        (("--set", "iterations=0"), "iterations=0"),
-        (("--images", "full"), "full is not empty"),
-    ],
-)
-def test_bad_input_is_rejected_in_one_line(
-    tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "a").touch()
-    rejected = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
-    assert rejected.returncode in (1, 2)
-    assert "Traceback" not in rejected.stderr
-    assert message in rejected.stderr
-    assert not (tmp_path / "work").exists()
-
-
 def test_single_cases_are_tasks(done: Path) -> None:
     """Frames are those of `Task.start`, to the last bit."""
     cases = cases_in(done)
@@ -305,15 +275,3 @@ def test_the_light_moves_and_the_lamp_does_not(done: Path) -> None:
         for case in (visit, visit.model_copy(update={"light_shift_m": None}))
     ]
     assert np.abs(views[0] - views[1]).mean() > 0.2, "it must be seen"
-
-
-def test_work_is_spread_evenly() -> None:
-    counts = counts_of(301, 12)
-    assert sorted(numbers.single for numbers in counts) == [25] * 11 + [26]
-    assert (
-        sum(numbers.pair for numbers in counts) == sum(numbers.triple for numbers in counts) == 50
-    )
-    assert sum(numbers.unchanged for numbers in counts) == 200
-    assert sum(numbers.unchanged for numbers in counts_of(30, 3)) == 20
-    homes = homes_of(range(4), [], HomeSetup(), Path("work"))
-    assert len({home.name for home in homes}) == 12

@@ -130,20 +130,3 @@ def test_a_recorded_room(done: Path) -> None:
     assert "| by the given poses | 4 |" in process.stdout
     again = gslts(*run, cwd=done)
     assert again.stdout.splitlines()[-5:] == process.stdout.splitlines()[-5:], "the same table"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--fold", "1"), "--fold is for --real"),
-        (("--real", ".", "--ablation"), "--ablation, --trade and --home are for homes"),
-        (("--real", "nowhere"), "there is no such file"),
-    ],
-)
-def test_incompatible_options_are_rejected(
-    tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    process = gslts("bench", "relocalize", *arguments, cwd=tmp_path)
-    assert process.returncode != 0
-    assert message in process.stderr
-    assert len(process.stderr.splitlines()) == 1
