@@ -19,7 +19,7 @@ from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
-from gslts.keeper.schedule import defer, is_deferred, select_changes, still_deferred
+from gslts.keeper.schedule import defer, due_reports, select_changes, still_deferred
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
@@ -120,8 +120,8 @@ class MapKeeper:
 
     def reports(self) -> list[Report]:
         """Return the changes that were confirmed since the last call, without deferred ones."""
-        state, latest = self.state, latest_reports(self.monitor.poll())
-        return [r for r in latest if not is_deferred(state.deferred, r.change, state.round)]
+        latest = latest_reports(self.monitor.poll())
+        return due_reports(self.state.deferred, latest, self.state.round)
 
     def integrate(
         self, robot: Robot, reports: Sequence[Report], recorded: Sequence[RgbdFrame] = ()

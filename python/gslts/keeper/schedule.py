@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gslts.change.changes import Change, Kind
+from gslts.change.confirmation import Report
 from gslts.types import Floats
 from gslts.update.region import Region, regions_of
 
@@ -118,15 +120,39 @@ def still_deferred(
     return tuple(d for d in deferred if not any(d.matches(change) for change in integrated))
 
 
-def is_deferred(deferred: Sequence[DeferredChange], change: Change, number_of_round: int) -> bool:
-    """Return whether a change must wait for a later round.
+def due_reports(
+    deferred: Sequence[DeferredChange], reports: Sequence[Report], number_of_round: int
+) -> list[Report]:
+    """Return what need not wait for a later round.
 
     Args:
         deferred: Deferred changes.
-        change: As detected.
+        reports: Of confirmed changes.
         number_of_round: Present round.
+
+    Returns:
+        Reports of changes that are not deferred; of a relocation with a deferred end, the other.
     """
-    return any(d.matches(change) and d.retry_round > number_of_round for d in deferred)
+    due = []
+    for report in reports:
+        change = _due_part(deferred, report.change, number_of_round)
+        if change is not None:
+            due.append(replace(report, change=change))
+    return due
+
+
+def _due_part(
+    deferred: Sequence[DeferredChange], change: Change, number_of_round: int
+) -> Change | None:
+    def is_due(part: Change) -> bool:
+        return not any(d.matches(part) and d.retry_round > number_of_round for d in deferred)
+
+    if change.kind != "relocation":
+        return change if is_due(change) else None
+    due = [end for end in (change.end("before"), change.end("after")) if is_due(end)]
+    if len(due) == 2:
+        return change if is_due(change) else None
+    return next(iter(due), None)
 
 
 def _gap_m(first: Change, second: Change) -> float:
