@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from gslts.change.changes import Change
+from gslts.store.match_score import is_at
 from gslts.store.records import UNKNOWN, Event
 from gslts.update.region import Region
 from gslts.update.views import View, pixels_in_region
@@ -69,10 +70,19 @@ def _labelled_type(region: Region, views: Iterable[View]) -> str | None:
 
 
 def _type_in_history(region: Region, events: Sequence[Event]) -> str | None:
-    """Return the type of the last object that was added or moved to a region."""
-    for event in reversed(events):
-        if event.type != UNKNOWN and event.boxes[1] is not None:
-            center = np.mean(event.boxes[1], axis=0)
-            if region.contains(center, MAX_DISTANCE_M):
-                return event.type
+    """Return the type of the last object that came to a region, and has not left it since."""
+    present: list[Event] = []
+    for event in events:
+        before, after = event.boxes
+        present = [
+            other
+            for other in present
+            if event.type not in (other.type, UNKNOWN) or not is_at(before, other.boxes[1])
+        ]
+        if after is not None and event.type != UNKNOWN:
+            present.append(event)
+    for event in reversed(present):
+        assert event.boxes[1] is not None
+        if region.contains(np.mean(event.boxes[1], axis=0), MAX_DISTANCE_M):
+            return event.type
     return None

@@ -42,6 +42,12 @@ def test_a_removed_object_has_the_type_of_the_last_addition() -> None:
     assert object_type(change, views, [pot]) == UNKNOWN
     unknown = cup.model_copy(update={"type": UNKNOWN})
     assert object_type(change, views, [mug, unknown]) == "Mug"
+    mug_left, left = (
+        Event(version=5, kind="removal", type=name, boxes=(BOX, None)) for name in ("Mug", UNKNOWN)
+    )
+    assert object_type(change, views, [cup, mug, mug_left]) == "Cup"
+    assert object_type(change, views, [mug, left]) == UNKNOWN
+    assert object_type(change, views, [mug, mug_left, cup]) == "Cup"
 
 
 def test_without_labels_the_type_is_unknown() -> None:
