@@ -24,7 +24,8 @@ from tqdm import tqdm
 from gslts._core.detect import Side, Surface, confidence_features, match_features
 from gslts.change.changes import SIDES, Change
 from gslts.change.config import DetectionConfig, ObjectRule
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.mapping.config import PRESETS
 from gslts.types import Bools, Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame

@@ -23,7 +23,8 @@ from logistic_regression import fit, logistic
 from tqdm import tqdm
 
 from gslts._core import detect as _core
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset

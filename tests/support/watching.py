@@ -2,7 +2,8 @@
 
 import threading
 
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.core.frame import RgbdFrame
 

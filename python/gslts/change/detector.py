@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +27,7 @@ from gslts.change.constants import (
 )
 from gslts.change.departures import are_in, expect_departures
 from gslts.change.depth_quality import DepthQuality, depth_quality
+from gslts.change.detection import Detection
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
@@ -38,55 +38,19 @@ from gslts.change.reliability import (
     view_fault,
 )
 from gslts.change.rules import gs_lts_change, object_changes, shift_change
-from gslts.change.unknown import UnknownRegion, surface_fault, unknown_regions
+from gslts.change.unknown import surface_fault, unknown_regions
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
-from gslts.rendering.losses import Exposure, apply_exposure
+from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map, update_ids_of_map
 from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
 from gslts.types import Bools, Floats32, Ints32
-
-
-@dataclass(frozen=True, eq=False)
-class Detection:
-    """Result of the comparison of one frame with a map.
-
-    Attributes:
-        changes: Detected changes, by falling confidence; none if the frame is unreliable.
-        unreliable: Reason why the frame cannot be compared; None if it can.
-        camera: Camera of the images below, at the aligned pose.
-        observed_rgb: [H,W,3] sRGB of the frame, 0 to 1.
-        rendered_rgb: [H,W,3] sRGB of the map with the exposure of the frame; None if unreliable.
-        pixel_mask: [H,W] M_pixel, where colours differ; None if unreliable.
-        feature_mask: [H,W] M_feat, where features differ; None if unreliable.
-        combined_mask: [H,W] M_comb, where both differ; None if unreliable.
-        exposure: Exposure from the rendered to the observed colours.
-        surfaces: All surfaces that only one of map and frame shows, likely changes or not; none
-            with the strategy "gs_lts".
-        labels: [H,W] label of the surface or mask component at each pixel, 0 for none; None if
-            unreliable.
-        unknown: Regions in which changes cannot be judged; none if the frame is unreliable, or with
-            the strategy "gs_lts".
-    """
-
-    changes: tuple[Change, ...]
-    unreliable: str | None
-    camera: Camera
-    observed_rgb: Floats32
-    rendered_rgb: Floats32 | None = None
-    pixel_mask: Bools | None = None
-    feature_mask: Bools | None = None
-    combined_mask: Bools | None = None
-    exposure: Exposure = field(default_factory=Exposure)
-    surfaces: tuple[_core.Surface, ...] = ()
-    labels: Ints32 | None = None
-    unknown: tuple[UnknownRegion, ...] = ()
 
 
 class ChangeDetector:
@@ -217,7 +181,8 @@ class ChangeDetector:
         pyramid = [frame.registered()]
         for _ in range(MAX_HALVINGS):
             pyramid.append(pyramid[-1].halved())
-        small = pyramid[self.config.halvings]
+        halvings = self.config.halvings_of(frame.camera.width)
+        small = pyramid[halvings]
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
@@ -228,7 +193,7 @@ class ChangeDetector:
         if fault is None and self.config.align_pose:
             pose = align_pose(
                 self._plain,
-                reversed(pyramid[self.config.halvings :]),
+                reversed(pyramid[halvings:]),
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )
@@ -272,6 +237,7 @@ class ChangeDetector:
         fault = fault or depth_fault(observed_depth, images.depth, comparable, depth)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
+        errors = self._expected_errors(images)
         views = _core.Views(
             camera=camera,
             observed_rgb=observed_rgb,
@@ -281,7 +247,7 @@ class ChangeDetector:
             alpha=np.where(comparable, alpha, np.float32(0)),
             similarity=cosines,
             noise=self._measurements.noise,
-            **self._expected_errors(images),
+            **errors,
         )
         masks = _core.compute_masks(views, config.masks)
         changes, surfaces, labels = self._changes(views, masks, depth, _mean_drawn(images, 3))
@@ -289,8 +255,11 @@ class ChangeDetector:
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
         arrays = _core.mask_arrays(masks, camera)
+        fine_depths = None
         if depth == "fine":
             unknown["no depth is measured"] = observed_depth <= 0
+            rendered_depth = np.where(comparable, images.depth, np.float32(0))
+            fine_depths = observed_depth, rendered_depth, errors["depth_error"]
         if config.strategy == "gs_lts":  # It decides by the whole frame, not by regions.
             unknown = {}
         return Detection(
@@ -306,6 +275,7 @@ class ChangeDetector:
             surfaces=surfaces,
             labels=labels,
             unknown=unknown_regions(unknown, surfaces, labels),
+            fine_depths=fine_depths,
         )
 
     def _expected_errors(self, images: Images) -> dict[str, Floats32]:

@@ -17,7 +17,8 @@ from gslts.change.confirmation import (
     Report,
     latest_reports,
 )
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from gslts.change.changes import Change
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.core.camera import Camera
 from gslts.io.images import RgbImage, box_corners, draw_box, draw_text, to_rgb8
 

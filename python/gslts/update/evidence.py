@@ -11,14 +11,14 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.changes import Box, Change
-from gslts.change.constants import MAX_FINE_QUANTUM_M
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.change.unknown import surface_fault
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
 from gslts.update.region import CORNERS, MAX_REGION_DISTANCE_M, Region, regions_of
-from gslts.update.views import View, pixels_in_region, region_masks
+from gslts.update.region_depths import MIN_SURFACE_PX, RegionDepths, depths_in_region
+from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
 
@@ -29,11 +29,9 @@ MIN_VIEWS = 2
 PRIOR_LOG_ODDS = float(np.log(501 / 1525))
 """Log-odds of a change before any view is known: the confidence was fitted to 2,026 surfaces, of
 which 501 were of changed objects (benchmarks/results/detection.md), and supposes this share."""
-MIN_STEP_M, MIN_STEP_PER_M = 0.01, 0.01
-"""Minimum step from a surface to what is behind it: a constant, m, and a factor of its depth."""
-MIN_STEP_SHARE = 0.5
-"""Minimum share of the surface in a region with a step, so that a view does not speak against a
-change. In views of true removals in the bookstore 0.31 to 0.99, of others at most 0.33."""
+CLEAR_LOG_ODDS = 2.0
+"""Evidence of a view that shows a change by its depths alone. In two homes and the bookstore, views
+that do so were of true changes but for one: less than the ratio tells, as they were few."""
 FAR_M = 2.5
 """Distance of a camera from a region beyond which the object has too few pixels, m."""
 MAX_LOG_ODDS = 3.0
@@ -79,8 +77,8 @@ def confirm(
 ) -> Change | str:
     """Confirm a change by the collected views.
 
-    A relocation becomes an addition or a removal if the views show that one end did not change. A
-    shift gets the mean of the motions that the views agree on.
+    A relocation of which the views show one end only becomes an addition or a removal. A shift gets
+    the mean of the motions that the views agree on.
 
     Args:
         change: As detected.
@@ -101,7 +99,7 @@ def confirm(
     ]
     if len(shown) == len(regions):
         return change
-    if shown and not any(verdict == "unknown" for verdict, _ in verdicts):
+    if shown:
         return change.end(shown[0].side)
     return next(reason for verdict, reason in verdicts if verdict != "shown")
 
@@ -168,7 +166,7 @@ def _judge(
     if len(own) < MIN_VIEWS:
         reason = skipped[0] if skipped else "the robot offers no other frame"
         return "unknown", f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
-    evidence = [_weigh(region, view, detection) for view, detection in own]
+    evidence = [evidence_of(region, detection) for _, detection in own]
     judged = [value for value in evidence if not isinstance(value, str)]
     if len(judged) < MIN_VIEWS:
         reason = next(value for value in evidence if isinstance(value, str))
@@ -189,27 +187,11 @@ def _judge(
     return "shown", ""
 
 
-def _weigh(region: Region, view: View, detection: Detection) -> float | str:
-    """Return the evidence of a view, or why it cannot judge the region.
-
-    Where depth shows what no surface was made of, as it was taken for a part of another one or has
-    the colour of what is behind it, nothing speaks against a change.
-    """
-    evidence = evidence_of(region, detection)
-    if isinstance(evidence, str) or evidence >= 0 or view.depth_quantum_m > MAX_FINE_QUANTUM_M:
-        return evidence
-    near, far = view.rendered_depth, view.depth
-    if region.side == "after":
-        near, far = far, near
-    surface = pixels_in_region(near, view.camera, region, 0) & (far > 0)
-    step = surface & (far > near + MIN_STEP_M + MIN_STEP_PER_M * near)
-    if step.sum() >= MIN_STEP_SHARE * max(1, surface.sum()):
-        return "depths differ there, but show no object by itself"
-    return evidence
-
-
 def evidence_of(region: Region, detection: Detection) -> float | str:
     """Return what a view says of a change in a region, or why it cannot judge it.
+
+    Where depth shows what no surface was made of, as it is small, was taken for a part of another
+    one, or has the colour of what is behind it, nothing speaks against a change.
 
     Args:
         region: Of the change.
@@ -227,14 +209,22 @@ def evidence_of(region: Region, detection: Detection) -> float | str:
     ]
     if not confidences and any(faults):
         return next(filter(None, faults))
-    if not confidences and (reason := _why_overlooked(region, detection)) is not None:
-        return reason
+    depths = depths_in_region(region, detection)
+    if not own:
+        if depths is not None and depths.shows_change:
+            return CLEAR_LOG_ODDS
+        if (reason := _why_overlooked(region, detection, depths)) is not None:
+            return reason
     confidence = np.clip(max(confidences, default=0.0), 1e-9, 1 - 1e-9)
     log_odds = np.log(confidence / (1 - confidence)) - PRIOR_LOG_ODDS
+    if log_odds < 0 and depths is not None and depths.has_step:
+        return "depths differ there, but show no object by itself"
     return float(np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS))
 
 
-def _why_overlooked(region: Region, detection: Detection) -> str | None:
+def _why_overlooked(
+    region: Region, detection: Detection, depths: RegionDepths | None
+) -> str | None:
     """Return why a change may have been overlooked where no surface of it was detected, or None."""
     center = region.project_center(detection.camera)
     if center is None:
@@ -246,7 +236,11 @@ def _why_overlooked(region: Region, detection: Detection) -> str | None:
     label = detection.labels[int(v), int(u)]
     if any(s.label == label and region.has_side_of(s) for s in detection.surfaces):
         return "another change covers it"
-    return None
+    if depths is None or depths.surface_px >= MIN_SURFACE_PX:
+        return None
+    if region.side == "after" and depths.past_px >= MIN_SURFACE_PX:
+        return None  # Nothing came: the frame shows what is behind.
+    return "it shows too little of it"
 
 
 def _confirm_shift(

@@ -13,7 +13,8 @@ import numpy as np
 
 from gslts.change.changes import Change
 from gslts.change.constants import MAX_FINE_QUANTUM_M
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot

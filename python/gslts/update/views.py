@@ -9,7 +9,7 @@ import numpy as np
 
 from gslts.change.constants import NEAR_SIGMAS
 from gslts.change.depth_quality import depth_quantum_m
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap

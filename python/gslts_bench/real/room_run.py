@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 from gslts.change.changes import SIDES, Change, Side
 from gslts.change.config import DetectionConfig
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import confirm_changes
 from gslts.change.overlay import overlay
 from gslts.core.camera import Camera

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from gslts.change.changes import SIDES, Change, Side
 from gslts.change.confirmation import MonitorConfig
 from gslts.change.constants import MIN_RECORDED_CONFIDENCE
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import Counts, confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts_bench.real.boxes import JUDGED, MarkedObject

@@ -7,7 +7,7 @@ import pytest
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts_bench.detection.watch import TURNS_DEG, turn_views, watch

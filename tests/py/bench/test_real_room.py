@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslts.change.changes import Change, Kind
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render

@@ -12,7 +12,7 @@ from watching import LONG_S, Clock, Gated, close
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.confirmation import MonitorConfig
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gslts.change.changes import Change
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
 from gslts_sim.home import Home
 

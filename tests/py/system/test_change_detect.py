@@ -11,7 +11,8 @@ from change_room import BLUE, VIEWPOINTS, YELLOW, see, thing
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import MAX_CAMERAS
-from gslts.change.detector import ChangeDetector, Detection, choose_evenly
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector, choose_evenly
 from gslts.change.overlay import COLORS, overlay
 from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame

@@ -16,7 +16,8 @@ from update_room import LOOP
 from watching import LONG_S
 
 from gslts.change.confirmation import MonitorConfig
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detection import Detection
+from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import at_pose, look_at
 from gslts.core.frame import RgbdFrame

@@ -7,15 +7,24 @@ import pytest
 
 from gslts._core import detect as core
 from gslts.change.changes import Change
-from gslts.change.detector import Detection
+from gslts.change.detection import Detection
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.rendering.losses import Exposure
-from gslts.update.evidence import FAR_M, MAX_LOG_ODDS, PRIOR_LOG_ODDS, confirm, evidence_of
+from gslts.update.evidence import (
+    CLEAR_LOG_ODDS,
+    FAR_M,
+    MAX_LOG_ODDS,
+    PRIOR_LOG_ODDS,
+    confirm,
+    evidence_of,
+)
 from gslts.update.region import Region
 from gslts.update.views import View
 
 SIDE_PX = 40
+DEPTH_ERROR_M = 0.01
+"""Error of the depth of the map."""
 REGION = Region("before", np.array([-0.1, -0.1, 1.0]), np.array([0.1, 0.1, 1.2]))
 
 
@@ -24,8 +33,13 @@ def camera_at(pose: np.ndarray, cx: float = SIDE_PX / 2) -> Camera:
     return Camera(**lens, width=SIDE_PX, height=SIDE_PX, world_from_camera=pose)
 
 
-def detection(*surfaces: core.Surface, back_m: float = 0.0) -> Detection:
-    """Detection of a camera that sees the region in the middle, where the surfaces are labelled."""
+def detection(
+    *surfaces: core.Surface, back_m: float = 0.0, depths_m: tuple[float, float] | None = None
+) -> Detection:
+    """Detection of a camera that sees the region in the middle, where the surfaces are labelled.
+
+    Frame and map have one depth each, if these are given.
+    """
     pose = np.eye(4)
     pose[2, 3] = -back_m
     labels = np.zeros((SIDE_PX, SIDE_PX), np.int32)
@@ -33,7 +47,13 @@ def detection(*surfaces: core.Surface, back_m: float = 0.0) -> Detection:
         labels[15:25, 15:25] = surface.label
     camera = camera_at(pose)
     rgb = np.zeros((SIDE_PX, SIDE_PX, 3), np.float32)
-    return Detection((), None, camera, rgb, Exposure(), labels=labels, surfaces=surfaces)
+    depths = None
+    if depths_m is not None:
+        observed, rendered, error = (
+            np.full(labels.shape, value, np.float32) for value in (*depths_m, DEPTH_ERROR_M)
+        )
+        depths = observed, rendered, error
+    return Detection((), None, camera, rgb, labels=labels, surfaces=surfaces, fine_depths=depths)
 
 
 def surface(
@@ -79,25 +99,63 @@ def test_the_fault_of_a_surface_is_the_reason() -> None:
     assert found == "training cameras saw through this surface of the map"
 
 
-def view(rendered_m: float, measured_m: float) -> View:
-    """A view of the region in which the map shows one depth, and the frame another."""
+def view_of(found: Detection) -> tuple[View, Detection]:
+    """A view of the region, in which everything has changed."""
     shape = (SIDE_PX, SIDE_PX)
     rgb = np.full((*shape, 3), 128, np.uint8)
-    frame = RgbdFrame(rgb, np.full(shape, measured_m, np.float32), camera_at(np.eye(4)))
-    rendered, nothing = np.full(shape, rendered_m, np.float32), np.zeros(shape, np.bool_)
-    return View(frame, Exposure(), rendered, rgb.astype(np.float32) / 255, nothing, nothing)
+    frame = RgbdFrame(rgb, np.full(shape, 1.6, np.float32), camera_at(np.eye(4)))
+    rendered, all_of_it = np.full(shape, 1.1, np.float32), np.ones(shape, np.bool_)
+    view = View(frame, Exposure(), rendered, rgb.astype(np.float32) / 255, all_of_it, all_of_it)
+    return view, found
 
 
 def test_a_view_that_measures_a_step_does_not_speak_against_a_change() -> None:
     removal = Change("removal", 0.9, REGION.center, ((REGION.low, REGION.high), None))
-    found = detection(surface(0.9))
-    unseen = detection(surface(0.05))
-    same, behind = view(1.1, 1.1), view(1.1, 1.6)
-    shown, denied, gone = (behind, found), (same, unseen), (behind, unseen)
+    shown = view_of(detection(surface(0.9)))
+    denied = view_of(detection(surface(0.05), depths_m=(1.1, 1.1)))
+    gone = view_of(detection(surface(0.05), depths_m=(1.6, 1.1)))
     assert confirm(removal, [REGION], [shown, shown], []) is removal
     reason = "only 1 of 3 views show a removed object there"
     assert confirm(removal, [REGION], [shown, denied, denied], []) == reason
     assert confirm(removal, [REGION], [shown, gone, gone, shown], []) is removal
     assert confirm(removal, [REGION], [gone, gone], []) == (
         "0 view(s) can judge it, 2 are needed: depths differ there, but show no object by itself"
+    )
+
+
+def test_a_clear_step_shows_what_is_too_small_to_be_a_surface() -> None:
+    added = Region("after", REGION.low, REGION.high)
+    assert evidence_of(REGION, detection(depths_m=(1.6, 1.1))) == CLEAR_LOG_ODDS
+    assert evidence_of(added, detection(depths_m=(1.1, 1.6))) == CLEAR_LOG_ODDS
+    assert evidence_of(REGION, detection(depths_m=(1.1, 1.1))) == -MAX_LOG_ODDS
+    # The map may err by as much as the step is.
+    assert evidence_of(REGION, detection(depths_m=(1.125, 1.1))) != CLEAR_LOG_ODDS
+    low = np.array([0.0, 0.0, 1.09])
+    two_px = Region("before", low, low + np.array([0.05, 0.02, 0.02]))
+    assert evidence_of(two_px, detection(depths_m=(1.6, 1.1))) == "it shows too little of it"
+
+
+def test_a_view_that_shows_too_little_does_not_speak_against_a_change() -> None:
+    too_little = "it shows too little of it"
+    added = Region("after", REGION.low, REGION.high)
+    # The map shows nothing in the region; the frame shows what is before it.
+    assert evidence_of(REGION, detection(depths_m=(1.5, 1.5))) == too_little
+    assert evidence_of(added, detection(depths_m=(0.95, 1.5))) == too_little
+    # The frame shows what is behind the region: nothing came.
+    assert evidence_of(added, detection(depths_m=(1.5, 1.5))) == -MAX_LOG_ODDS
+
+
+def test_a_relocation_of_which_views_show_one_end_is_that_end() -> None:
+    off = np.array([3.0, 0.0, 0.0])  # No view shows it.
+    beside = Region("after", REGION.low + off, REGION.high + off)
+    move = Change(
+        "relocation", 0.9, beside.center, ((REGION.low, REGION.high), (beside.low, beside.high))
+    )
+    gone = view_of(detection(surface(0.9)))
+    confirmed = confirm(move, [REGION, beside], [gone, gone], ["no position is reachable"])
+    assert isinstance(confirmed, Change)
+    assert confirmed.kind == "removal"
+    assert np.array_equal(confirmed.point, REGION.center)
+    assert confirm(move, [beside], [gone, gone], ["no position is reachable"]) == (
+        "0 view(s) show the change, 2 are needed: no position is reachable"
     )
