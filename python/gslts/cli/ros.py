@@ -84,7 +84,7 @@ def ros(
     ] = 4.0,
     viewpoints: Annotated[
         int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
-    ] = 40,
+    ] = 100,
     view: Annotated[
         bool,
         typer.Option("--view", help="Also show the map and the robot in the browser."),

@@ -33,7 +33,7 @@ class KeeperConfig:
         ValueError: A number is not positive.
     """
 
-    max_viewpoints: int = 40
+    max_viewpoints: int = 100
     max_frames: int = 4
     monitor: MonitorConfig = field(default_factory=_process_every_frame)
     detection: DetectionConfig = field(default_factory=DetectionConfig)

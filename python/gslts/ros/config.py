@@ -87,7 +87,7 @@ class NodeConfig(BaseModel):
     control: bool = False
     record: Path | None = None
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 4.0
-    max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40
+    max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 100
     body: RobotBody = RobotBody()
     threads: Annotated[int, Field(ge=0)] = 0
     publish_tf: bool = False
