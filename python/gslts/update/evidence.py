@@ -77,8 +77,9 @@ def confirm(
 ) -> Change | str:
     """Confirm a change by the collected views.
 
-    A relocation of which the views show one end only becomes an addition or a removal. A shift gets
-    the mean of the motions that the views agree on.
+    A relocation of which the views show one end only becomes an addition or a removal; no removal
+    if the other end cannot be judged, as the map would lose the object. A shift gets the mean of
+    the motions that the views agree on.
 
     Args:
         change: As detected.
@@ -99,7 +100,8 @@ def confirm(
     ]
     if len(shown) == len(regions):
         return change
-    if shown:
+    loses_it = shown and shown[0].side == "before" and "unknown" in dict(verdicts)
+    if shown and not loses_it:
         return change.end(shown[0].side)
     return next(reason for verdict, reason in verdicts if verdict != "shown")
 

@@ -158,9 +158,10 @@ def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
     done = gslts("update", "map", "--frames", "elsewhere", cwd=workplace)
     assert done.returncode == 1
     line = done.stderr.splitlines()[-1]
-    assert line.startswith("gslts: map is unchanged, the update was rejected: none of 3 frames can")
+    rejected = "gslts: map is unchanged, the update was rejected: "
+    assert line.startswith(rejected)
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert "update rejected: none of 3 frames can be compared with the map" in printed
+    assert f"update rejected: {line.removeprefix(rejected)}" in printed
 
 
 @pytest.mark.parametrize(

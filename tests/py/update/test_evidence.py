@@ -147,15 +147,22 @@ def test_a_view_that_shows_too_little_does_not_speak_against_a_change() -> None:
 
 def test_a_relocation_of_which_views_show_one_end_is_that_end() -> None:
     off = np.array([3.0, 0.0, 0.0])  # No view shows it.
-    beside = Region("after", REGION.low + off, REGION.high + off)
-    move = Change(
-        "relocation", 0.9, beside.center, ((REGION.low, REGION.high), (beside.low, beside.high))
-    )
-    gone = view_of(detection(surface(0.9)))
-    confirmed = confirm(move, [REGION, beside], [gone, gone], ["no position is reachable"])
+    unseen = (REGION.low + off, REGION.high + off)
+    came = Region("after", REGION.low, REGION.high)
+    move = Change("relocation", 0.9, came.center, (unseen, (came.low, came.high)))
+    new = view_of(detection(surface(0.9, side=core.Side.AFTER)))
+    confirmed = confirm(move, [Region("before", *unseen), came], [new, new], [])
     assert isinstance(confirmed, Change)
-    assert confirmed.kind == "removal"
-    assert np.array_equal(confirmed.point, REGION.center)
-    assert confirm(move, [beside], [gone, gone], ["no position is reachable"]) == (
+    assert confirmed.kind == "addition"
+    assert np.array_equal(confirmed.point, came.center)
+
+
+def test_a_relocation_to_a_place_that_no_view_shows_is_rejected() -> None:
+    off = np.array([3.0, 0.0, 0.0])
+    unseen = Region("after", REGION.low + off, REGION.high + off)
+    boxes = ((REGION.low, REGION.high), (unseen.low, unseen.high))
+    move = Change("relocation", 0.9, unseen.center, boxes)
+    gone = view_of(detection(surface(0.9)))
+    assert confirm(move, [REGION, unseen], [gone, gone], ["no position is reachable"]) == (
         "0 view(s) show the change, 2 are needed: no position is reachable"
     )
