@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from gslts.change.changes import Change, Kind
+from gslts.change.changes import SIDES, Change, Kind
 from gslts.change.confirmation import Report
 from gslts.types import Floats
 from gslts.update.region import Region, regions_of
@@ -149,8 +149,9 @@ def _due_part(
 
     if change.kind != "relocation":
         return change if is_due(change) else None
-    due = [end for end in (change.end("before"), change.end("after")) if is_due(end)]
-    if len(due) == 2:
+    ends = [change.end(side) for side in SIDES if change.end_point(side) is not None]
+    due = [end for end in ends if is_due(end)]
+    if len(due) == len(ends):
         return change if is_due(change) else None
     return next(iter(due), None)
 

@@ -33,3 +33,10 @@ def test_a_deferred_change_is_due_in_its_round() -> None:
     assert due_reports([deferred(MOVE, 2)], [REPORT], 1) == []
     (due,) = due_reports([deferred(MOVE, 2)], [REPORT], 2)
     assert due.change is MOVE
+
+
+def test_a_relocation_of_which_no_end_is_known_is_due() -> None:
+    unknown = Report(1, Change("relocation", 0.9, B), (0.0,))
+    (due,) = due_reports([], [unknown], 1)
+    assert due.change is unknown.change
+    assert due_reports([deferred(unknown.change, 2)], [unknown], 1) == []
