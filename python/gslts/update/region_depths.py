@@ -1,4 +1,4 @@
-"""What the depths of a frame and of the map tell of a region, where no surface was detected."""
+"""Comparison of the depths of a frame and of the map in a region."""
 
 from __future__ import annotations
 
