@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.datasets import open_dataset
 from gslts.keeper.config import KeeperConfig
@@ -257,7 +258,9 @@ def is_at(point: np.ndarray, boxes: Sequence[Any]) -> bool:
 def run_case(layout: Layout, kind: str, seed: int, made: Path) -> dict[str, Any]:
     """Run two rounds after a change, and return the results."""
     home, boxes = change_home(layout, kind, seed)
-    config = KeeperConfig(max_viewpoints=MAX_VIEWPOINTS, update=UPDATE)
+    config = KeeperConfig(
+        max_viewpoints=MAX_VIEWPOINTS, detection=DetectionConfig(halvings=0), update=UPDATE
+    )
     log: list[str] = []
     start_s = time.process_time()
     with TemporaryDirectory() as name:

@@ -22,6 +22,7 @@ import numpy as np
 from tqdm import tqdm
 from year_benchmark import FRAMES, make_home_map, robot_in
 
+from gslts.change.config import DetectionConfig
 from gslts.core.camera import Camera
 from gslts.core.robot import Robot
 from gslts.fleet.exchange import clone_map, pull_map, push_map
@@ -41,7 +42,9 @@ from gslts_sim.task import Change
 from gslts_sim.tasks import TaskMaker
 
 SETTING = TaskSettings(width=320, height=240)
-CONFIG = KeeperConfig(update=UpdateConfig(refine=RefineConfig(iterations=60)))
+CONFIG = KeeperConfig(
+    detection=DetectionConfig(halvings=0), update=UpdateConfig(refine=RefineConfig(iterations=60))
+)
 """Small images, and short refinements, as in `year_benchmark.py`."""
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from gslts.change.config import DetectionConfig
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder
@@ -99,7 +100,10 @@ def main() -> None:
     state = task.states(source.load(given.out))[0]
     make_home_map(robot_in(state, task.sensor, task.sensor.seed_before), given.out / "start")
     folder = given.out / "start" / "map"
-    config = KeeperConfig(update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)))
+    config = KeeperConfig(
+        detection=DetectionConfig(halvings=0),
+        update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)),
+    )
     print("| changes | versions | deferred | Gaussians | memory | store | s per cycle | CPU s |")
     print("| --: | --: | --: | --: | --: | --: | --: | --: |", flush=True)
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from gslts._core.detect import GsLtsRule, MaskRule, ObjectRule
-from gslts.change.constants import MAX_HALVINGS, MIN_HALVED_WIDTH_PX
+from gslts.change.constants import MAX_HALVINGS
 
 __all__ = ["DetectionConfig", "GsLtsRule", "MaskRule", "ObjectRule", "Strategy"]
 
@@ -20,8 +20,7 @@ class DetectionConfig:
     Args:
         strategy: "objects" finds any number of changed objects; "gs_lts" is the rule printed in
             GS-LTS (sec. III-C), at most one change per frame.
-        halvings: Number of times the sides of a frame are halved before the comparison, 0 to 2;
-            None means once, if at least `MIN_HALVED_WIDTH_PX` columns are left.
+        halvings: Number of times the sides of a frame are halved before the comparison, 0 to 2.
         align_pose: Correct the pose of the frame first, by direct image alignment with the map.
         masks: Thresholds of the difference masks.
         gs_lts: Thresholds of the strategy "gs_lts".
@@ -33,7 +32,7 @@ class DetectionConfig:
     """
 
     strategy: Strategy = "objects"
-    halvings: int | None = None
+    halvings: int = 1
     align_pose: bool = True
     masks: MaskRule = field(default_factory=MaskRule)
     gs_lts: GsLtsRule = field(default_factory=GsLtsRule)
@@ -46,17 +45,7 @@ class DetectionConfig:
             raise ValueError(
                 f"DetectionConfig: strategy must be one of {known}, got {self.strategy!r}"
             )
-        if self.halvings is not None and self.halvings not in range(MAX_HALVINGS + 1):
+        if self.halvings not in range(MAX_HALVINGS + 1):
             raise ValueError(
                 f"DetectionConfig: halvings must be in 0..{MAX_HALVINGS}, got {self.halvings}"
             )
-
-    def halvings_of(self, width_px: int) -> int:
-        """Return how often the sides of a frame are halved.
-
-        Args:
-            width_px: Width of the frame, px.
-        """
-        if self.halvings is not None:
-            return self.halvings
-        return int(width_px // 2 >= MIN_HALVED_WIDTH_PX)

@@ -7,8 +7,6 @@ MAX_HALVINGS = 2
 quarter of 640 x 480, 60 % of single changes are right; at half, 95 %
 (benchmarks/results/detection.md)."""
 
-MIN_HALVED_WIDTH_PX = 320
-"""Minimum width of a frame after it was halved, px."""
 POSE_STDS = (0.01, 0.0087)
 """Standard deviations of a robot's pose, m and rad (half a degree): the prior of the alignment."""
 MAX_CORRECTION_M, MAX_CORRECTION_RAD = 0.25, 0.15

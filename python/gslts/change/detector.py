@@ -181,8 +181,7 @@ class ChangeDetector:
         pyramid = [frame.registered()]
         for _ in range(MAX_HALVINGS):
             pyramid.append(pyramid[-1].halved())
-        halvings = self.config.halvings_of(frame.camera.width)
-        small = pyramid[halvings]
+        small = pyramid[self.config.halvings]
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
@@ -193,7 +192,7 @@ class ChangeDetector:
         if fault is None and self.config.align_pose:
             pose = align_pose(
                 self._plain,
-                reversed(pyramid[halvings:]),
+                reversed(pyramid[self.config.halvings :]),
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )

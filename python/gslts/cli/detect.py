@@ -16,7 +16,7 @@ from gslts.cli.mapping import Dataset, Threads, echo_skipped
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
-    from gslts.change.detection import Detection
+    from gslts.change.detector import Detection
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -48,14 +48,9 @@ def detect(
         str, typer.Option(help="Feature extractor: gradients, onnx:FILE or transformers:DIR.")
     ] = "gradients",
     halvings: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=2,
-            help="Halvings of the sides of a frame before the comparison. Default: 1; 0 if fewer "
-            "than 320 columns would be left.",
-        ),
-    ] = None,
+        int,
+        typer.Option(min=0, max=2, help="Halvings of the sides of a frame before the comparison."),
+    ] = 1,
     localize: Localize = False,
     threads: Threads = 0,
 ) -> None:

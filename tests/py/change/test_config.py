@@ -28,9 +28,3 @@ def test_settings_in_range_are_accepted(strategy: Any, halvings: int) -> None:
 def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=f"^DetectionConfig: {message}$"):
         DetectionConfig(**settings)
-
-
-@pytest.mark.parametrize(("width_px", "halvings"), [(160, 0), (639, 0), (640, 1), (1920, 1)])
-def test_small_frames_are_not_halved(width_px: int, halvings: int) -> None:
-    assert DetectionConfig().halvings_of(width_px) == halvings
-    assert DetectionConfig(halvings=2).halvings_of(width_px) == 2

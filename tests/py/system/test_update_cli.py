@@ -158,10 +158,9 @@ def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
     done = gslts("update", "map", "--frames", "elsewhere", cwd=workplace)
     assert done.returncode == 1
     line = done.stderr.splitlines()[-1]
-    rejected = "gslts: map is unchanged, the update was rejected: "
-    assert line.startswith(rejected)
+    assert line.startswith("gslts: map is unchanged, the update was rejected: none of 3 frames can")
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert f"update rejected: {line.removeprefix(rejected)}" in printed
+    assert "update rejected: none of 3 frames can be compared with the map" in printed
 
 
 @pytest.mark.parametrize(
