@@ -16,7 +16,7 @@ from gslts.cli.mapping import Dataset, Threads, echo_skipped
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
-    from gslts.change.detector import Detection
+    from gslts.change.detection import Detection
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
