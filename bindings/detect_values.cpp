@@ -81,14 +81,18 @@ In how many training cameras of the map each sample is seen, summed over the sam
 Args:
     on_surface: Counts of cameras that see a surface at the sample.
     seen_through: Counts of cameras that see a surface behind it: the sample was free space.
-    known_share: Share of the samples with at least one count, 0 to 1.)")
-      .def(py::init([](double on_surface, double seen_through, double known_share) {
-             return Visibility{on_surface, seen_through, known_share};
+    known_share: Share of the samples with at least one count, 0 to 1.
+    recorded_share: Share of the samples at which the recording of the map measured a surface.)")
+      .def(py::init([](double on_surface, double seen_through, double known_share,
+                       double recorded_share) {
+             return Visibility{on_surface, seen_through, known_share, recorded_share};
            }),
-           py::kw_only(), py::arg("on_surface"), py::arg("seen_through"), py::arg("known_share"))
+           py::kw_only(), py::arg("on_surface"), py::arg("seen_through"), py::arg("known_share"),
+           py::arg("recorded_share") = 0.0)
       .def_readonly("on_surface", &Visibility::on_surface)
       .def_readonly("seen_through", &Visibility::seen_through)
-      .def_readonly("known_share", &Visibility::known_share);
+      .def_readonly("known_share", &Visibility::known_share)
+      .def_readonly("recorded_share", &Visibility::recorded_share);
 }
 
 constexpr const char* kSurfaceDoc = R"(The visible surface of an object, before or after a change.

@@ -267,14 +267,18 @@ class Visibility:
         on_surface: Counts of cameras that see a surface at the sample.
         seen_through: Counts of cameras that see a surface behind it: the sample was free space.
         known_share: Share of the samples with at least one count, 0 to 1.
+        recorded_share: Share of the samples at which the recording of the map measured a surface.
     """
-    def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex) -> None:
+    def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex, recorded_share: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
     @property
     def known_share(self) -> float:
         ...
     @property
     def on_surface(self) -> float:
+        ...
+    @property
+    def recorded_share(self) -> float:
         ...
     @property
     def seen_through(self) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from gslts._core.detect import GsLtsRule, MaskRule, ObjectRule
-from gslts.change.constants import MAX_HALVINGS
+from gslts.change.constants import COMPARED_WIDTH_PX, MAX_HALVINGS
 
 __all__ = ["DetectionConfig", "GsLtsRule", "MaskRule", "ObjectRule", "Strategy"]
 
@@ -20,7 +20,8 @@ class DetectionConfig:
     Args:
         strategy: "objects" finds any number of changed objects; "gs_lts" is the rule printed in
             GS-LTS (sec. III-C), at most one change per frame.
-        halvings: Number of times the sides of a frame are halved before the comparison, 0 to 2.
+        halvings: Number of times the sides of a frame are halved before the comparison, 0 to 2;
+            None means as often as it stays at least `COMPARED_WIDTH_PX` wide.
         align_pose: Correct the pose of the frame first, by direct image alignment with the map.
         masks: Thresholds of the difference masks.
         gs_lts: Thresholds of the strategy "gs_lts".
@@ -32,7 +33,7 @@ class DetectionConfig:
     """
 
     strategy: Strategy = "objects"
-    halvings: int = 1
+    halvings: int | None = None
     align_pose: bool = True
     masks: MaskRule = field(default_factory=MaskRule)
     gs_lts: GsLtsRule = field(default_factory=GsLtsRule)
@@ -45,7 +46,18 @@ class DetectionConfig:
             raise ValueError(
                 f"DetectionConfig: strategy must be one of {known}, got {self.strategy!r}"
             )
-        if self.halvings not in range(MAX_HALVINGS + 1):
+        if self.halvings is not None and self.halvings not in range(MAX_HALVINGS + 1):
             raise ValueError(
                 f"DetectionConfig: halvings must be in 0..{MAX_HALVINGS}, got {self.halvings}"
             )
+
+    def halvings_of(self, width_px: int) -> int:
+        """Return the number of halvings of a frame.
+
+        Args:
+            width_px: Width of the frame.
+        """
+        if self.halvings is not None:
+            return self.halvings
+        possible = range(1, MAX_HALVINGS + 1)
+        return sum(width_px >> halvings >= COMPARED_WIDTH_PX for halvings in possible)

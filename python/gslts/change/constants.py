@@ -7,6 +7,10 @@ MAX_HALVINGS = 2
 quarter of 640 x 480, 60 % of single changes are right; at half, 95 %
 (benchmarks/results/detection.md)."""
 
+COMPARED_WIDTH_PX = 320
+"""Minimum width of a halved frame: the confidence was fitted to images of this width. Smaller ones
+show small objects with too few pixels: of 36 changes in six homes, frames of 160 px lead to 24 in
+the map, and of 320 px to 33."""
 POSE_STDS = (0.01, 0.0087)
 """Standard deviations of a robot's pose, m and rad (half a degree): the prior of the alignment."""
 MAX_CORRECTION_M, MAX_CORRECTION_RAD = 0.25, 0.15
@@ -103,6 +107,12 @@ MAX_THROUGH_SHARE = 0.3
 """Maximum share of the cameras that saw through a surface of the map, among those that saw it or
 through it. Of 73 true removals in a kitchen and the bookstore at most 0.13, of false ones from
 rendered edges 0.38 to 0.94."""
+MIN_RECORDING_FRAMES, MAX_RECORDED_SHARE = 2, 0.7
+"""Number of frames of the recording that must have measured a surface at a point, and share of such
+points from which on the surface is not new. In two homes and the bookstore, 160 of 164 false and 2
+of 100 true ones have more."""
+LEFT_MARGIN_M = 0.05
+"""Margin of the box of an object that left: what comes to its place may be new."""
 MIN_MEASURED_WEIGHT = 0.5
 """Minimum weight of measured Gaussians among those that a pixel shows. Of true removals in the
 bookstore the mean of a region is at least 0.82, of false ones before windows and sky at most 0.56.

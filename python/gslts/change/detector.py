@@ -11,7 +11,7 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.blur import Detail
-from gslts.change.changes import Change
+from gslts.change.changes import Box, Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
     MAX_CAMERAS,
@@ -30,6 +30,7 @@ from gslts.change.depth_quality import DepthQuality, depth_quality
 from gslts.change.detection import Detection
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
+from gslts.change.recorded import find_recorded
 from gslts.change.reliability import (
     appearance_fault,
     correction_fault,
@@ -48,8 +49,9 @@ from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
 from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import read_map, update_ids_of_map
+from gslts.store.map_folder import read_map, updates_of_map
 from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
+from gslts.store.records import NO_UPDATES, Updates
 from gslts.types import Bools, Floats32, Ints32
 
 
@@ -65,9 +67,10 @@ class ChangeDetector:
         cameras: Training cameras of the map: space that none of them saw cannot have changed.
             Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
         measurements: What the recording of the map tells of its Gaussians. Changes of what no
-            depth confirms cannot be judged; depth steps count from a multiple of the noise.
-        update_ids: Ids of the Gaussians that updates added: what came is likelier to go than
-            other things.
+            depth confirms cannot be judged; depth steps count from a multiple of the noise; and a
+            surface that the recording measured is not new.
+        updates: What updates changed since: what came is likelier to go than other things, and
+            may come again where it left.
 
     Attributes:
         config: Settings.
@@ -85,20 +88,21 @@ class ChangeDetector:
         features: FeatureExtractor | None = None,
         cameras: Iterable[Camera] = (),
         measurements: Measurements = NO_MEASUREMENTS,
-        update_ids: Sequence[range] = (),
+        updates: Updates = NO_UPDATES,
     ) -> None:
         if gaussian_map.dtype != np.float32:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
         self._plain = gaussian_map.without_features()
-        self._update_ids = tuple(update_ids)
+        self._updates = updates
+        self._left: tuple[Box, ...] = tuple((np.array(a), np.array(b)) for a, b in updates.left)
         self._drawn = gaussian_map.with_features(
             lambda ids: np.column_stack(
                 [
                     measurements.is_measured_of(ids),
                     measurements.errors_of(ids),
-                    are_in(ids, self._update_ids),
+                    are_in(ids, updates.added_ids),
                 ]
             ).astype(np.float32)
         )
@@ -137,7 +141,7 @@ class ChangeDetector:
             features=features,
             cameras=cameras_of_map(path).values(),
             measurements=read_measurements(path),
-            update_ids=update_ids_of_map(path),
+            updates=updates_of_map(path),
         )
 
     @property
@@ -145,24 +149,29 @@ class ChangeDetector:
         """The map that frames are compared with."""
         return self._map
 
-    def with_map(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """Return a detector with the same settings for another map.
+    def with_map(
+        self, gaussian_map: GaussianMap, cameras: Iterable[Camera], left: Iterable[Box] = ()
+    ) -> ChangeDetector:
+        """Return a detector with the same settings for an edited map.
 
         Args:
             gaussian_map: float32.
             cameras: Training cameras of that map.
+            left: Boxes in which it lacks objects that this map has.
 
         Raises:
             ValueError: The map is not float32.
         """
-        return ChangeDetector(
+        other = ChangeDetector(
             gaussian_map,
             self.config,
             features=self._features,
             cameras=cameras,
             measurements=self._measurements,
-            update_ids=self._update_ids,
+            updates=self._updates,
         )
+        other._left = (*self._left, *left)
+        return other
 
     def detect(self, frame: RgbdFrame) -> Detection:
         """Compare a frame with the map.
@@ -181,7 +190,8 @@ class ChangeDetector:
         pyramid = [frame.registered()]
         for _ in range(MAX_HALVINGS):
             pyramid.append(pyramid[-1].halved())
-        small = pyramid[self.config.halvings]
+        halvings = self.config.halvings_of(frame.camera.width)
+        small = pyramid[halvings]
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
@@ -192,7 +202,7 @@ class ChangeDetector:
         if fault is None and self.config.align_pose:
             pose = align_pose(
                 self._plain,
-                reversed(pyramid[self.config.halvings :]),
+                reversed(pyramid[halvings:]),
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )
@@ -324,6 +334,8 @@ class ChangeDetector:
             shifts = [shift_change(shift, likely, labels) for shift in found]
             shifted = {likely[row].label for shift in found for row in shift.surfaces}
             judged = [surface for surface in judged if surface.label not in shifted]
+            find_recorded(judged, self._measurements.depths, self._left)
+            judged = [surface for surface in judged if surface_fault(surface) is None]
         objects = object_changes(judged, labels, rule, is_measured=depth != "none")
         changes = (*shifts, *objects)
         by_confidence = sorted(changes, key=lambda change: -change.confidence)

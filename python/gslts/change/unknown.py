@@ -10,7 +10,12 @@ import numpy as np
 
 from gslts._core.detect import Side, Surface
 from gslts.change.changes import box_of_mask
-from gslts.change.constants import MAX_THROUGH_SHARE, MIN_SEEN_SHARE, MIN_UNKNOWN_SHARE
+from gslts.change.constants import (
+    MAX_RECORDED_SHARE,
+    MAX_THROUGH_SHARE,
+    MIN_SEEN_SHARE,
+    MIN_UNKNOWN_SHARE,
+)
 from gslts.types import Bools, Ints32
 
 
@@ -57,6 +62,8 @@ def surface_fault(surface: Surface) -> str | None:
     total = seen.on_surface + seen.seen_through
     if surface.side == Side.BEFORE and seen.seen_through > MAX_THROUGH_SHARE * total:
         return "training cameras saw through this surface of the map"
+    if seen.recorded_share >= MAX_RECORDED_SHARE:
+        return "the recording of the map measured this surface"
     return None
 
 

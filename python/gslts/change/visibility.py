@@ -18,11 +18,12 @@ from gslts.change.constants import (
     VISIBILITY_RANGE_M,
     VISIBILITY_WIDTH_PX,
 )
-from gslts.core.camera import Camera, TrainingCamera
+from gslts.core.camera import Camera, TrainingCamera, resize
+from gslts.core.camera_images import CameraImages
 from gslts.core.edited_map import remove_from_id
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.surface_margin import surface_margin_m
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.store.measurements import surface_margin_m
 from gslts.types import Bools, Floats, Floats32, Ints
 
 
@@ -60,26 +61,16 @@ class Visibility:
         )
         self._rasterizer = Rasterizer(np.float32)
         cameras = tuple(cameras)
-        self._cameras = small = [_scale(camera) for camera in cameras]
+        self._images = CameraImages(resize(camera, VISIBILITY_WIDTH_PX) for camera in cameras)
         self._next_ids = [c.next_id if isinstance(c, TrainingCamera) else None for c in cameras]
-        # All depth images in one array; the first element stands for pixels outside every image.
-        ends = np.cumsum([1, *(camera.width * camera.height for camera in small)])
-        self._depths = np.zeros(ends[-1], np.float32)
-        self._ranges = np.full(ends[-1], np.inf, np.float32)  # How far each camera saw.
-        self._first = ends[:-1, None]
-        self._rendered = np.zeros(len(small), np.bool_)
-        self._camera_from_world = np.array(
-            [np.linalg.inv(camera.world_from_camera) for camera in small]
-        ).reshape(-1, 4, 4)
-        lenses = [[camera.fx, camera.fy, camera.cx, camera.cy] for camera in small]
-        self._lenses = np.array(lenses).reshape(-1, 4)
-        sizes = [[camera.width, camera.height] for camera in small]
-        self._sizes = np.array(sizes, np.int64).reshape(-1, 2)
+        self._depths = np.zeros(self._images.ends[-1], np.float32)
+        self._ranges = np.full(self._images.ends[-1], np.inf, np.float32)  # How far each saw.
+        self._rendered = np.zeros(len(cameras), np.bool_)
 
     @property
     def has_cameras(self) -> bool:
         """True if there is any training camera."""
-        return len(self._cameras) > 0
+        return len(self._rendered) > 0
 
     def counts(self, points: Floats, max_depths_m: Floats | None = None) -> VisibilityCounts:
         """Count the training cameras that saw each point.
@@ -112,20 +103,12 @@ class Visibility:
 
     def _parts(self, points: Floats) -> list[Floats]:
         """Split points so that the memory does not grow with the number of cameras."""
-        return np.array_split(points, 1 + len(points) * len(self._cameras) // MAX_PROJECTIONS)
+        return np.array_split(points, 1 + len(points) * len(self._rendered) // MAX_PROJECTIONS)
 
     def _tests(self, points: Floats) -> tuple[Bools, Bools, Floats]:
         """Return [V,P] seen through, surface seen, and depth, m, of points in cameras."""
-        poses = self._camera_from_world
-        x, y, z = np.einsum("vij,pj->ivp", poses[:, :3, :3], points) + poses[:, :3, 3].T[..., None]
-        fx, fy, cx, cy = self._lenses.T[..., None]
-        width, height = self._sizes.T[..., None]
-        ahead = np.maximum(z, 1e-9)
-        u, v = fx * x / ahead + cx, fy * y / ahead + cy
-        inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        self._render(np.flatnonzero(inside.any(axis=1) & ~self._rendered))
-        columns, rows = (np.where(inside, place, 0).astype(np.int64) for place in (u, v))
-        pixels = np.where(inside, self._first + rows * width + columns, 0)
+        pixels, z = self._images.project(points)
+        self._render(np.flatnonzero((pixels > 0).any(axis=1) & ~self._rendered))
         depths, margin = self._depths[pixels], surface_margin_m(z)
         in_range = (z > 0) & (z <= self._ranges[pixels] + margin)
         through = in_range & (depths > z + margin)
@@ -136,15 +119,14 @@ class Visibility:
         """Render the depth images of some cameras."""
         older, older_than = self._map, None
         for row in rows:
-            first = int(self._first[row, 0])
-            depth = self._depth(self._map, self._cameras[row])
-            pixels = slice(first, first + depth.size)
-            self._depths[pixels] = depth.ravel()
+            camera = self._images.cameras[row]
+            pixels = slice(self._images.ends[row], self._images.ends[row + 1])
+            self._depths[pixels] = self._depth(self._map, camera).ravel()
             next_id = self._next_ids[row]
             if next_id is not None and next_id < self._map.next_id:
                 if next_id != older_than:
                     older, older_than = remove_from_id(self._map, next_id), next_id
-                seen = _fill_holes(self._depth(older, self._cameras[row]))
+                seen = _fill_holes(self._depth(older, camera))
                 self._ranges[pixels] = seen.ravel()
             self._rendered[row] = True
 
@@ -169,17 +151,3 @@ def _fill_holes(depth: Floats32) -> Floats32:
     by_label[labels[holes == 0]] = depth[holes == 0]
     filled: Floats32 = by_label[labels]
     return filled
-
-
-def _scale(camera: Camera) -> Camera:
-    """Return the camera of an image of `VISIBILITY_WIDTH_PX` columns."""
-    scale = VISIBILITY_WIDTH_PX / camera.width
-    return Camera(
-        fx=scale * camera.fx,
-        fy=scale * camera.fy,
-        cx=scale * camera.cx,
-        cy=scale * camera.cy,
-        width=VISIBILITY_WIDTH_PX,
-        height=max(1, round(scale * camera.height)),
-        world_from_camera=camera.world_from_camera,
-    )

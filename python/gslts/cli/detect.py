@@ -48,9 +48,14 @@ def detect(
         str, typer.Option(help="Feature extractor: gradients, onnx:FILE or transformers:DIR.")
     ] = "gradients",
     halvings: Annotated[
-        int,
-        typer.Option(min=0, max=2, help="Halvings of the sides of a frame before the comparison."),
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=0,
+            max=2,
+            help="Halvings of the sides of a frame before the comparison. Default: as many as "
+            "leave a width of 320 px.",
+        ),
+    ] = None,
     localize: Localize = False,
     threads: Threads = 0,
 ) -> None:

@@ -101,7 +101,7 @@ def consolidate_store(
         detection,
         cameras=cameras,
         measurements=read_measurements(store.folder),
-        update_ids=store.update_ids(),
+        updates=store.updates(),
     )
     done = consolidate(
         gaussian_map,

@@ -18,6 +18,7 @@ __all__ = [
     "downscale",
     "look_at",
     "new_viewpoints",
+    "resize",
     "shift_origin",
     "unproject",
 ]
@@ -103,6 +104,25 @@ def downscale(camera: Camera, divisor: int) -> Camera:
         cy=camera.cy / divisor,
         width=camera.width // divisor,
         height=camera.height // divisor,
+        world_from_camera=camera.world_from_camera,
+    )
+
+
+def resize(camera: Camera, width_px: int) -> Camera:
+    """Return the camera of an image of another width, and a height in proportion.
+
+    Args:
+        camera: Of the image.
+        width_px: Of the other image.
+    """
+    scale = width_px / camera.width
+    return Camera(
+        fx=scale * camera.fx,
+        fy=scale * camera.fy,
+        cx=scale * camera.cx,
+        cy=scale * camera.cy,
+        width=width_px,
+        height=max(1, round(scale * camera.height)),
         world_from_camera=camera.world_from_camera,
     )
 

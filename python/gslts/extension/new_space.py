@@ -11,6 +11,7 @@ from gslts.change.visibility import Visibility, VisibilityCounts
 from gslts.core.camera import unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.surface_margin import surface_margin_m
 from gslts.extension.constants import (
     GRID_COLUMNS,
     MAX_FARTHER,
@@ -23,7 +24,6 @@ from gslts.extension.constants import (
 )
 from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
-from gslts.store.measurements import surface_margin_m
 from gslts.types import Bools, Floats32, Indices
 
 

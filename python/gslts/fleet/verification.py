@@ -95,7 +95,7 @@ def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
         attempt.head,
         cameras=cameras,
         measurements=measurements,
-        update_ids=replica.update_ids(),
+        updates=replica.updates(),
     )
     reasons = [
         _reason_to_give_up(attempt, change, _shows_change(detector, frames, own))

@@ -377,7 +377,7 @@ class MapKeeper:
             self._config.detection,
             cameras=self._cameras.values(),
             measurements=self._measurements,
-            update_ids=self._store.update_ids(),
+            updates=self._store.updates(),
         )
 
     def _new_relocalizer(self) -> Relocalizer:

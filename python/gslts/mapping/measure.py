@@ -9,14 +9,15 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.surface_margin import surface_margin_m
 from gslts.rendering.losses import apply_exposure, fit_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.measurements import (
     NO_MEASUREMENTS,
     TYPICAL_NOISE,
     Measurements,
-    surface_margin_m,
 )
+from gslts.store.recorded_depths import RecordedDepths, small_depth_image
 from gslts.types import Bools, Floats, Floats32, Indices, Ints
 
 MIN_CONFIRMED_SHARE = 0.5
@@ -53,8 +54,10 @@ def measure_map(
         The measurements; none if no frame has a depth.
     """
     counts, errors = _Counts(gaussian_map), _Errors(gaussian_map, threads)
+    images = []
     for frame in frames:
         registered = frame.registered()
+        images.append(small_depth_image(registered))
         counts.add(registered)
         errors.add(registered.halved())
     if not counts.confirmed.any():
@@ -62,8 +65,13 @@ def measure_map(
     confirmed, passed = counts.confirmed, counts.passed
     is_measured: Bools = confirmed >= np.maximum(1, MIN_CONFIRMED_SHARE * (confirmed + passed))
     order = np.argsort(gaussian_map.ids)
+    cameras, depths_mm = zip(*images, strict=True)
     return Measurements(
-        gaussian_map.ids[order], is_measured[order], errors.means()[order], errors.noise()
+        gaussian_map.ids[order],
+        is_measured[order],
+        errors.means()[order],
+        errors.noise(),
+        RecordedDepths(cameras, np.concatenate(depths_mm)),
     )
 
 

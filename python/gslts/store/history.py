@@ -7,7 +7,7 @@ from typing import Self
 
 from gslts.store.index import Index
 from gslts.store.manifest import require_map_folder
-from gslts.store.records import Event, Rejection, Track, TrackEvent, Version
+from gslts.store.records import Event, Rejection, Track, TrackEvent, Updates, Version
 from gslts.store.tracks import object_tracks
 
 INDEX = "versions.sqlite"
@@ -95,19 +95,19 @@ class History:
         """
         return set(self._index.lineage(self.version(number).number))
 
-    def update_ids(self, number: int | None = None) -> list[range]:
-        """Return the ids of the Gaussians that updates added, such as those of objects that came.
+    def updates(self, number: int | None = None) -> Updates:
+        """Return what the updates changed that led to a version.
 
         Args:
             number: Of the version; None means the newest.
 
-        Returns:
-            Ids of each update, oldest first. Extensions and consolidations are no updates.
-
         Raises:
             ValueError: There is no such version.
         """
-        return self._index.update_ids(self.version(number).number)
+        number = self.version(number).number
+        numbers = set(self._index.lineage(number))
+        left = [event.boxes[0] for event in self._index.events() if event.version in numbers]
+        return Updates(self._index.update_ids(number), [box for box in left if box is not None])
 
     def events(self) -> list[Event]:
         """Return the object changes as the updates found them, oldest first.

@@ -24,6 +24,7 @@ from gslts.store.manifest import (
     split_version,
 )
 from gslts.store.map_store import MapStore
+from gslts.store.records import NO_UPDATES, Updates
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
 """Fields of a camera in JSON, besides its pose."""
@@ -95,14 +96,14 @@ def read_map(path: Path | str) -> GaussianMap:
         return store.read(number)
 
 
-def update_ids_of_map(path: Path | str) -> list[range]:
-    """Return the ids of the Gaussians that updates added to a map; see `History.update_ids`.
+def updates_of_map(path: Path | str) -> Updates:
+    """Return what the updates of a map changed; see `History.updates`.
 
     Args:
         path: As for `read_map`.
 
     Returns:
-        Ids of each update; none for a file of 3DGS.
+        The updates; none for a file of 3DGS.
 
     Raises:
         OSError: A file cannot be read.
@@ -110,9 +111,9 @@ def update_ids_of_map(path: Path | str) -> list[range]:
     """
     folder, number = split_version(Path(path))
     if not folder.is_dir():
-        return []
+        return NO_UPDATES
     with open_map(folder) as store:
-        return store.update_ids(number)
+        return store.updates(number)
 
 
 def open_map(path: Path | str, *, writable: bool = False) -> MapStore:

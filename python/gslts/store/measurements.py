@@ -1,4 +1,4 @@
-"""Measurements of a map: what its recording tells of each Gaussian, and the noise of its depth.
+"""Measurements of a map: what its recording tells of its Gaussians, and what it measured.
 
 Ids are never used again, so that one list serves all versions; what an update adds is not listed.
 """
@@ -15,7 +15,8 @@ from safetensors.numpy import load, save
 
 from gslts.io.atomic_files import name_in_errors, sync_folder, write_atomic
 from gslts.store.manifest import read_manifest, split_version
-from gslts.types import Bools, Floats, Floats32, Indices, UInts64
+from gslts.store.recorded_depths import NO_RECORDED_DEPTHS, RecordedDepths
+from gslts.types import Bools, Floats32, Indices, UInts64
 
 FILE, KEY = "measurements.safetensors", "measurements"
 """Name of the file in a map folder, and key of its SHA-256 in the manifest."""
@@ -23,26 +24,12 @@ MAX_BYTES = 1 << 30
 """Bounds the memory for a hostile file; 60 million Gaussians take less."""
 REPAIR = "copy it from a backup, or make the map again with gslts map"
 """Next step for error messages about a missing or damaged file."""
-SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE = 0.03, 0.02
-"""A point within so many m, plus so much of its depth, of a surface is on it."""
 TYPICAL_ERRORS = (0.012, 0.05)
 """Errors of depth, m, and colours where nothing is known: between those of simulated homes and of
 real rooms."""
 TYPICAL_NOISE = (0.0083, 0.002)
 """Noise of the depth, m and 1/m, where nothing is known: about a consumer depth camera with a map
 whose poses err by millimetres."""
-
-
-def surface_margin_m(depth_m: Floats) -> Floats:
-    """Return how far a point may be from a surface that it is on.
-
-    Args:
-        depth_m: [...] depths of the points in a camera, m.
-
-    Returns:
-        [...] distances along the depth, m.
-    """
-    return SURFACE_MARGIN_M + SURFACE_MARGIN_SHARE * depth_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +46,7 @@ class Measurements:
             depth, m, and of the rendered colours, summed over the channels; NaN where unknown.
         noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
             depths z of an unchanged surface is a + b z^2.
+        depths: Small depth images of the recording.
 
     Raises:
         ValueError: The arrays do not fit together, or a number is out of range.
@@ -68,6 +56,7 @@ class Measurements:
     is_measured: Bools
     errors: Floats32
     noise: tuple[float, float] = TYPICAL_NOISE
+    depths: RecordedDepths = NO_RECORDED_DEPTHS
 
     def __post_init__(self) -> None:
         count = len(self.ids)
@@ -147,6 +136,7 @@ def write_measurements(measurements: Measurements, folder: Path) -> str:
             "is_measured": np.ascontiguousarray(measurements.is_measured),
             "errors": np.ascontiguousarray(measurements.errors),
             "noise": np.array(measurements.noise, np.float64),
+            **measurements.depths.to_arrays(),
         }
     )
     write_atomic(folder / FILE, content)
@@ -183,7 +173,11 @@ def read_measurements(path: Path) -> Measurements:
         arrays = load(content)
         constant_m, per_m = arrays["noise"].tolist()
         return Measurements(
-            arrays["ids"], arrays["is_measured"], arrays["errors"], (constant_m, per_m)
+            arrays["ids"],
+            arrays["is_measured"],
+            arrays["errors"],
+            (constant_m, per_m),
+            RecordedDepths.from_arrays(arrays),
         )
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: these are no measurements: {error}") from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -138,6 +140,24 @@ class Event(ObjectEvent):
     """
 
     version: Number
+
+
+@dataclass(frozen=True)
+class Updates:
+    """What the updates of a map changed.
+
+    Attributes:
+        added_ids: Ids of the Gaussians that each update added, such as those of objects that came;
+            oldest first. Extensions and consolidations are no updates.
+        left: Boxes in which objects were that left or moved: low and high corners, world, m.
+    """
+
+    added_ids: Sequence[range] = ()
+    left: Sequence[Box] = ()
+
+
+NO_UPDATES = Updates()
+"""Of a map that no update changed."""
 
 
 class TrackEvent(Event):

@@ -31,6 +31,7 @@ from gslts.update.naming import name_changes
 from gslts.update.part import rows_of_update
 from gslts.update.refine import OnStep
 from gslts.update.region import Region
+from gslts.update.selection import gaussians_in_regions
 from gslts.update.settle import active_gaussians, is_shown_by_few, refine_edit
 from gslts.update.steadiness import unsteady_share
 from gslts.update.verify import error_in_regions, split_views
@@ -47,6 +48,11 @@ object."""
 MAX_ERROR_SHARE = 0.98
 """Maximum error of validation views after an update, as a share of that before. Refinement
 lowered it by 0.3 % in a home that the map does not show; true changes lower it by 10 % and more."""
+
+MIN_EMPTIED_SHARE, EMPTIED_MARGIN_M = 0.25, 0.02
+"""Minimum share of the Gaussians of a removed object that an update removes, and margin of its box.
+In 132 updates of simulated homes and the bookstore at least 0.37 where an object had gone, and at
+most 0.12 where the views had shown an error of the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,6 +278,10 @@ def _integrate_once(
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
         return gaussian_map, [], _reject(record, reason, clock)
 
+    kept = [_keeps_object(gaussian_map, edit, own) for own in by_change]
+    if any(kept):
+        return gaussian_map, kept, record
+
     refined, counts = _refine(
         gaussian_map, edit, cameras, collection, training, config, detector, on_step
     )
@@ -295,6 +305,17 @@ def _integrate_once(
     if whole is not None and not any(by_itself):
         return gaussian_map, [], _reject(record, whole, clock)
     return refined, by_itself, record
+
+
+def _keeps_object(gaussian_map: GaussianMap, edit: Edit, regions: Sequence[Region]) -> str | None:
+    """Return the reason if the Gaussians of a removed object stay; None if most of them left."""
+    if [region.side for region in regions] != ["before"]:
+        return None
+    inside = gaussians_in_regions(gaussian_map, regions, EMPTIED_MARGIN_M)
+    count, gone = int(inside.sum()), int((inside & edit.removed).sum())
+    if gone > MIN_EMPTIED_SHARE * count:
+        return None
+    return f"its views show only {gone} of {count} Gaussians as gone"
 
 
 def _pre_edit(

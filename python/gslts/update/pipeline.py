@@ -88,7 +88,7 @@ def update_map(
             detection,
             cameras=cameras,
             measurements=read_measurements(path),
-            update_ids=store.update_ids(),
+            updates=store.updates(),
         )
         changes, fault = _detect(detector, robot, frames, monitor)
         if fault is not None:

@@ -272,11 +272,12 @@ def _detector_of_moved(
     detector: ChangeDetector, results: Sequence[Change | str], moved: Sequence[Bools]
 ) -> ChangeDetector:
     """Return the detector of the map in which shifted objects are at their new positions."""
-    gaussian_map = detector.gaussian_map
+    gaussian_map, left = detector.gaussian_map, []
     for result, rows in zip(results, moved, strict=True):
         if not isinstance(result, str) and result.motion is not None and rows.any():
             gaussian_map = move_gaussians(gaussian_map, rows, result.motion)
-    return detector.with_map(gaussian_map, detector.cameras)
+            left += [box for box in result.boxes[:1] if box is not None]
+    return detector.with_map(gaussian_map, detector.cameras, left)
 
 
 def _regions_of_confirmed(change: Change, visited: Sequence[Region]) -> tuple[Region, ...]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from gslts.change.changes import SIDES, Change, Side
+from gslts.change.changes import SIDES, Box, Change, Side
 from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import join
@@ -91,6 +91,18 @@ class MapChange:
         filling = _shift(filling, -plane.shift(self.step))
         bare = join(gaussian_map.select(kept), filling, int(gaussian_map.ids.max()) + 1)
         return bare if self.kind == "addition" else join(bare, moved)
+
+    def left(self, gaussian_map: GaussianMap) -> list[Box]:
+        """Return the box of the object where the changed map lacks it; none if it has it.
+
+        Args:
+            gaussian_map: The unchanged map.
+        """
+        if self.kind == "removal":
+            return []
+        means = self._gaussians(gaussian_map, "after").means + gaussian_map.origin
+        low, high = means.min(axis=0), means.max(axis=0)
+        return [(low, high)]
 
     def truth(self, gaussian_map: GaussianMap, camera: Camera) -> Change:
         """Return the change that the frame shows, with masks of the regions of the object.

@@ -138,7 +138,9 @@ class RoomViews:
             change: One of `changes`.
             detector: With the settings; its map is not used.
         """
-        changed = detector.with_map(change.changed_map(self._map), self._training)
+        changed = detector.with_map(
+            change.changed_map(self._map), self._training, change.left(self._map)
+        )
         return changed.detect(self.frame(change.frame))
 
     def truth(self, change: MapChange) -> Change:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
+from gslts.change.changes import Box
 from gslts.change.detector import ChangeDetector
 from gslts.consolidation.consolidate import consolidate
 from gslts.core.camera import Camera, new_viewpoints
@@ -131,9 +132,10 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         tasks = self._tasks()
         home = self.bench.load()
         regions: list[Region] = []
+        left: list[Box] = []  # By the last update; the detector knows the earlier ones.
         for number, task in enumerate(tasks, start=1):
             robot = task.start(home, changed=True)
-            detector = detector.with_map(updated, cameras)
+            detector = detector.with_map(updated, cameras, left)
             found = detector.detect(robot.observe()).changes
             result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector
@@ -144,6 +146,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             regions += [region for change in result.changes for region in regions_of(change)]
+            left = [change.boxes[0] for change in result.changes if change.boxes[0] is not None]
             if regions and self.consolidate and number % self.consolidate == 0:
                 updated = _consolidate(updated, cameras, regions, robot)
                 regions = []

@@ -28,3 +28,12 @@ def test_settings_in_range_are_accepted(strategy: Any, halvings: int) -> None:
 def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=f"^DetectionConfig: {message}$"):
         DetectionConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("width_px", "halvings"),
+    [(80, 0), (320, 0), (639, 0), (640, 1), (848, 1), (1280, 2), (4000, 2)],
+)
+def test_frames_are_halved_to_the_width_of_the_fit(width_px: int, halvings: int) -> None:
+    assert DetectionConfig().halvings_of(width_px) == halvings
+    assert DetectionConfig(halvings=1).halvings_of(width_px) == 1

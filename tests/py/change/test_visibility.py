@@ -9,7 +9,7 @@ from gslts.change import visibility
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, TrainingCamera, at_pose, look_at
 from gslts.core.gaussian_map import GaussianMap
-from gslts.store.measurements import SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE
+from gslts.core.surface_margin import SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE
 
 WALL_Y_M = 2.0
 FIRST_Y_M = (WALL_Y_M - SURFACE_MARGIN_M) / (1 + SURFACE_MARGIN_SHARE)

@@ -8,8 +8,9 @@ import pytest
 from gslts.core.camera import camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.surface_margin import surface_margin_m
 from gslts.mapping.measure import MIN_NOISE_M, fit_noise, measure_map
-from gslts.store.measurements import NO_MEASUREMENTS, TYPICAL_NOISE, surface_margin_m
+from gslts.store.measurements import NO_MEASUREMENTS, TYPICAL_NOISE
 
 DEPTH_M = 2.0
 ORIGIN = np.array([10.0, -5.0, 1.0])

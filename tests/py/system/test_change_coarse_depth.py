@@ -10,6 +10,7 @@ from gslts.change.changes import Change
 from gslts.change.detection import Detection
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
+from gslts.store.records import Updates
 from gslts_sim.home import Home
 
 STEP_M = 0.04
@@ -59,9 +60,12 @@ def test_what_an_update_added_is_likelier_gone() -> None:
     gaussian_map, cameras = change_room.mapped()
     frame = coarse(change_room.see(changed_home("removal"), change_room.VIEWPOINTS[0], "kinect"))
 
-    def removal(update_ids: list[range]) -> Change:
+    def removal(added_ids: list[range]) -> Change:
         detector = ChangeDetector(
-            gaussian_map, change_room.CONFIG, cameras=cameras.values(), update_ids=update_ids
+            gaussian_map,
+            change_room.CONFIG,
+            cameras=cameras.values(),
+            updates=Updates(added_ids),
         )
         (found,) = detector.detect(frame).changes
         return found

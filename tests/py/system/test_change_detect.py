@@ -16,7 +16,9 @@ from gslts.change.detector import ChangeDetector, choose_evenly
 from gslts.change.overlay import COLORS, overlay
 from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
-from gslts.store.measurements import Measurements
+from gslts.store.measurements import NO_MEASUREMENTS, Measurements
+from gslts.store.recorded_depths import RecordedDepths, small_depth_image
+from gslts.store.records import Updates
 from gslts_sim.changes import place
 from gslts_sim.home import Home
 
@@ -259,6 +261,36 @@ def test_a_surface_that_no_frame_measured_is_no_removal() -> None:
     assert "no frame of the map measured its depth" in reasons
     again = detector.with_map(gaussian_map, cameras.values())
     require(again.detect(see(removed(change_room.home()), VIEWPOINTS[0])))
+
+
+def test_what_the_recording_measured_is_no_addition() -> None:
+    """A map may lack what was there; once it left, it may come."""
+    whole, cameras = change_room.mapped()
+    lacking = whole.select(np.linalg.norm(whole.means + whole.origin - RED_M, axis=1) > 0.25)
+    frames = [see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS]
+    small, depths_mm = zip(*map(small_depth_image, frames), strict=True)
+    measurements = replace(NO_MEASUREMENTS, depths=RecordedDepths(small, np.concatenate(depths_mm)))
+
+    def detector(updates: Updates) -> ChangeDetector:
+        return ChangeDetector(
+            lacking,
+            change_room.CONFIG,
+            cameras=cameras.values(),
+            measurements=measurements,
+            updates=updates,
+        )
+
+    recorded = detector(Updates())
+    detection = recorded.detect(frames[0])
+    require(detection)
+    reasons = [region.reason for region in detection.unknown]
+    assert "the recording of the map measured this surface" in reasons
+    low, high = (2.0, 1.65, 0.7), (2.4, 2.05, 1.1)
+    edited = recorded.with_map(lacking, cameras.values(), [(np.array(low), np.array(high))])
+    left = detector(Updates(left=[(low, high)]))
+    require(recorded.with_map(lacking, cameras.values()).detect(frames[0]))
+    for other in (edited, left):
+        require(other.detect(frames[0]), ("addition", RED_M))
 
 
 def test_an_object_in_unseen_space_is_no_addition() -> None:

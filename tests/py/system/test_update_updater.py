@@ -108,6 +108,27 @@ def test_addition_and_removal_cancel() -> None:
     assert psnr_db(back.gaussian_map, home) > psnr_db(before, home) - 0.3
 
 
+def test_a_removal_whose_gaussians_stay_is_rejected() -> None:
+    """What the views show then is an error of the map."""
+    keeping = UPDATE.edit.model_copy(update={"vote_share": 1.0, "carve": False})
+    before, cameras = change_room.mapped()
+    result = integrate_changes(
+        before,
+        list(cameras.values()),
+        [update_room.detected("removal")],
+        update_room.robot_in(update_room.changed_home("removal")),
+        UPDATE.model_copy(update={"edit": keeping}),
+        detector=change_room.detector(),
+    )
+    told = re.fullmatch(
+        r"its views show only (\d+) of (\d+) Gaussians as gone", rejection_of(result)
+    )
+    assert told is not None
+    gone, count = map(int, told.groups())
+    assert 4 * gone <= count
+    assert count > 50
+
+
 def test_an_unreachable_change_is_rejected() -> None:
     nowhere = Disturbed(update_room.robot_in(update_room.changed_home("removal")), lambda _, f: f)
     nowhere.reachable_positions = lambda: np.zeros((0, 2))  # type: ignore[method-assign]

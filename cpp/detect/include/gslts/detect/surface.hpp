@@ -35,6 +35,7 @@ struct Visibility {
   double on_surface = 0;    ///< The camera sees a surface at the point,
   double seen_through = 0;  ///< or a surface behind it: the point was free.
   double known_share = 1;   ///< Share of the points with at least one count.
+  double recorded_share = 0;  ///< Share of the points at which the map's recording has a surface.
 };
 
 /// The visible surface of an object, before or after a change.

@@ -1,0 +1,64 @@
+"""Surfaces that the recording of a map measured already."""
+
+import numpy as np
+import pytest
+
+from gslts._core.detect import Side, Surface, Visibility
+from gslts.change.changes import Box
+from gslts.change.constants import LEFT_MARGIN_M, MAX_RECORDED_SHARE
+from gslts.change.recorded import find_recorded
+from gslts.change.unknown import surface_fault
+from gslts.core.camera import Camera
+from gslts.store.recorded_depths import RecordedDepths
+
+CAMERA = Camera(fx=40, fy=40, cx=40, cy=30, width=80, height=60, world_from_camera=np.eye(4))
+WALL_M = 2.0
+FAULT = "the recording of the map measured this surface"
+
+
+def recording(frames: int, columns: int = 80) -> RecordedDepths:
+    """Return images of a wall across z, measured in the left columns only."""
+    image = np.zeros((60, 80), np.uint16)
+    image[:, :columns] = 1000 * WALL_M
+    return RecordedDepths((CAMERA,) * frames, np.tile(image.ravel(), frames))
+
+
+def surface(z_m: float, side: Side = Side.AFTER, *, flat: bool = False) -> Surface:
+    """Return a row of samples from the left to the right of the image."""
+    samples = [(x, 0.0, z_m) for x in np.linspace(-0.9 * z_m, 0.9 * z_m, 19)]
+    seen = Visibility(on_surface=1, seen_through=1, known_share=1)
+    box = {"point": (0, 0, z_m), "low": (-1, -1, z_m), "high": (1, 1, z_m)}
+    return Surface(side=side, **box, samples=samples, visibility=seen, flat=flat)
+
+
+def share(found: Surface, depths: RecordedDepths, *left: Box) -> float:
+    find_recorded([found], depths, left)
+    assert found.visibility is not None
+    assert found.visibility.known_share == 1
+    assert (surface_fault(found) == FAULT) == (
+        found.visibility.recorded_share >= MAX_RECORDED_SHARE
+    )
+    return found.visibility.recorded_share
+
+
+def test_what_two_frames_measured_is_not_new() -> None:
+    assert share(surface(WALL_M), recording(2)) == 1
+    assert share(surface(WALL_M), recording(1)) == 0
+    assert share(surface(1.5), recording(2)) == 0
+    assert share(surface(WALL_M), recording(2, columns=40)) == pytest.approx(0.5, abs=0.06)
+
+
+def test_where_an_object_left_something_may_come() -> None:
+    everywhere = np.array([-3, -0.1, WALL_M]), np.array([3, 0.1, WALL_M])
+    beside = np.array([-3, 2 * LEFT_MARGIN_M, WALL_M]), np.array([3, 0.5, WALL_M])
+    assert share(surface(WALL_M), recording(2), beside) == 1
+    assert share(surface(WALL_M), recording(2), beside, everywhere) == 0
+
+
+def test_only_solid_surfaces_of_the_frame_are_compared() -> None:
+    assert share(surface(WALL_M, flat=True), recording(2)) == 0
+    assert share(surface(WALL_M, Side.BEFORE), recording(2)) == 0
+    unseen = surface(WALL_M)
+    unseen.visibility = None
+    find_recorded([unseen], recording(2), [])
+    assert unseen.visibility is None
