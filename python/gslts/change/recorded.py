@@ -16,7 +16,7 @@ from gslts.types import Bools, Floats
 def find_recorded(
     surfaces: Iterable[_core.Surface], depths: RecordedDepths, left: Sequence[Box]
 ) -> None:
-    """Set the recorded share of surfaces that only a frame shows, in their visibility.
+    """Set what the recording tells of surfaces that only a frame shows, in their visibility.
 
     A surface as thin as a sheet of paper is on the one behind it, and is left out.
 
@@ -30,14 +30,21 @@ def find_recorded(
         if seen is None or surface.side != _core.Side.AFTER or surface.flat:
             continue
         points = np.array(surface.samples)
-        is_recorded = depths.counts(points) >= MIN_RECORDING_FRAMES
+        counts = depths.counts(points)
+        is_recorded = counts.on >= MIN_RECORDING_FRAMES
+        is_free = counts.behind >= MIN_RECORDING_FRAMES
         for low, high in left:
-            is_recorded &= ~_is_in(points, low, high)
+            inside = _is_in(points, low, high)
+            is_recorded &= ~inside
+            is_free |= inside
+        # Where hardly a depth was measured, rendered ones must do.
+        is_known = is_free | (counts.before + counts.on + counts.behind >= MIN_RECORDING_FRAMES)
         surface.visibility = _core.Visibility(
             on_surface=seen.on_surface,
             seen_through=seen.seen_through,
             known_share=seen.known_share,
             recorded_share=float(is_recorded.mean()),
+            free_share=float(is_free.mean() + (~is_known).mean()),
         )
 
 

@@ -13,6 +13,7 @@ from gslts.change.changes import box_of_mask
 from gslts.change.constants import (
     MAX_RECORDED_SHARE,
     MAX_THROUGH_SHARE,
+    MIN_FREE_SHARE,
     MIN_SEEN_SHARE,
     MIN_UNKNOWN_SHARE,
 )
@@ -64,6 +65,8 @@ def surface_fault(surface: Surface) -> str | None:
         return "training cameras saw through this surface of the map"
     if seen.recorded_share >= MAX_RECORDED_SHARE:
         return "the recording of the map measured this surface"
+    if seen.free_share < MIN_FREE_SHARE:
+        return "the recording of the map did not see through this position"
     return None
 
 

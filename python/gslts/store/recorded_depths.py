@@ -13,15 +13,32 @@ from numpy.typing import NDArray
 from gslts.core.camera import Camera, resize
 from gslts.core.camera_images import CameraImages
 from gslts.core.frame import RgbdFrame
-from gslts.core.surface_margin import surface_margin_m
-from gslts.types import Floats, Ints
+from gslts.types import Bools, Floats, Floats32, Ints
 
 WIDTH_PX = 80
 """Width of the images: a pixel is about 4 cm at 3 m, and 200 images take 2 MB."""
+MARGIN_M, MARGIN_SHARE = 0.0075, 0.005
+"""A point within so many m, plus so much of its depth, of a measured one is on its surface: about
+the noise of a depth camera. A book that comes to a table is outside of it."""
 MM_PER_M = 1000.0
 """Depths are stored in mm."""
 KEYS = ("depth_poses", "depth_lenses", "depth_sizes", "depths_mm")
 """Names of the arrays in a file."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCounts:
+    """Numbers of images that measured a surface in the direction of each of P points.
+
+    Attributes:
+        before: [P] before the point, which is hidden.
+        on: [P] at the point.
+        behind: [P] behind the point: it was free.
+    """
+
+    before: Ints
+    on: Ints
+    behind: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +69,25 @@ class RecordedDepths:
     def _images(self) -> CameraImages:
         return CameraImages(self.cameras)
 
-    def counts(self, points: Floats) -> Ints:
-        """Count the images that measured a surface at each point.
+    @cached_property
+    def _measured_m(self) -> Floats32:
+        """Return the depths by the number of the pixel; 0 outside of the images."""
+        return np.append(np.float32(0), self.depths_mm / np.float32(MM_PER_M))
+
+    def counts(self, points: Floats) -> RecordedCounts:
+        """Count the images that measured a surface at each point, before and behind it.
 
         Args:
             points: [P,3] world, m; P times the number of images bounds the memory.
-
-        Returns:
-            [P].
         """
         pixels, z = self._images.project(points)
-        measured_m = np.concatenate([[0], self.depths_mm])[pixels] / MM_PER_M
-        is_on = (measured_m > 0) & (np.abs(measured_m - z) <= surface_margin_m(z))
-        counted: Ints = is_on.sum(axis=0, dtype=np.int64)
-        return counted
+        measured_m = self._measured_m[pixels]
+        is_known, margin_m = measured_m > 0, MARGIN_M + MARGIN_SHARE * z
+        return RecordedCounts(
+            before=_count(is_known & (measured_m < z - margin_m)),
+            on=_count(is_known & (np.abs(measured_m - z) <= margin_m)),
+            behind=_count(is_known & (measured_m > z + margin_m)),
+        )
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that `from_arrays` reads, by name."""
@@ -106,6 +128,11 @@ class RecordedDepths:
 
 NO_RECORDED_DEPTHS = RecordedDepths((), np.zeros(0, np.uint16))
 """Of maps without a recording, or without depth."""
+
+
+def _count(marks: Bools) -> Ints:
+    """Return [P] the number of images [V,P] with a mark."""
+    return np.asarray(marks.sum(axis=0), np.int64)
 
 
 def small_depth_image(frame: RgbdFrame) -> tuple[Camera, NDArray[np.uint16]]:

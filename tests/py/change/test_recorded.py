@@ -5,7 +5,7 @@ import pytest
 
 from gslts._core.detect import Side, Surface, Visibility
 from gslts.change.changes import Box
-from gslts.change.constants import LEFT_MARGIN_M, MAX_RECORDED_SHARE
+from gslts.change.constants import LEFT_MARGIN_M, MAX_RECORDED_SHARE, MIN_FREE_SHARE
 from gslts.change.recorded import find_recorded
 from gslts.change.unknown import surface_fault
 from gslts.core.camera import Camera
@@ -13,7 +13,6 @@ from gslts.store.recorded_depths import RecordedDepths
 
 CAMERA = Camera(fx=40, fy=40, cx=40, cy=30, width=80, height=60, world_from_camera=np.eye(4))
 WALL_M = 2.0
-FAULT = "the recording of the map measured this surface"
 
 
 def recording(frames: int, columns: int = 80) -> RecordedDepths:
@@ -35,9 +34,8 @@ def share(found: Surface, depths: RecordedDepths, *left: Box) -> float:
     find_recorded([found], depths, left)
     assert found.visibility is not None
     assert found.visibility.known_share == 1
-    assert (surface_fault(found) == FAULT) == (
-        found.visibility.recorded_share >= MAX_RECORDED_SHARE
-    )
+    told = surface_fault(found) == "the recording of the map measured this surface"
+    assert told == (found.visibility.recorded_share >= MAX_RECORDED_SHARE)
     return found.visibility.recorded_share
 
 
@@ -46,6 +44,23 @@ def test_what_two_frames_measured_is_not_new() -> None:
     assert share(surface(WALL_M), recording(1)) == 0
     assert share(surface(1.5), recording(2)) == 0
     assert share(surface(WALL_M), recording(2, columns=40)) == pytest.approx(0.5, abs=0.06)
+
+
+def test_what_comes_must_be_where_the_recording_saw_through() -> None:
+    def free_share(z_m: float, depths: RecordedDepths, *left: Box) -> float:
+        found = surface(z_m)
+        find_recorded([found], depths, left)
+        assert found.visibility is not None
+        fault = "the recording of the map did not see through this position"
+        assert (surface_fault(found) == fault) == (found.visibility.free_share < MIN_FREE_SHARE)
+        return found.visibility.free_share
+
+    assert free_share(1.5, recording(2)) == 1
+    assert free_share(1.5, recording(1)) == 1  # Too little was measured to tell.
+    assert free_share(3.0, recording(2)) == 0
+    assert free_share(3.0, recording(2, columns=40)) == pytest.approx(0.5, abs=0.06)
+    corner = np.array([-3, -0.1, 2.9]), np.array([0, 0.1, 3.1])
+    assert free_share(3.0, recording(2), corner) == pytest.approx(0.5, abs=0.06)
 
 
 def test_where_an_object_left_something_may_come() -> None:

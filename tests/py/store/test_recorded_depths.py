@@ -7,9 +7,10 @@ import pytest
 
 from gslts.core.camera import Camera, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
-from gslts.core.surface_margin import surface_margin_m
 from gslts.store.recorded_depths import (
     KEYS,
+    MARGIN_M,
+    MARGIN_SHARE,
     NO_RECORDED_DEPTHS,
     WIDTH_PX,
     RecordedDepths,
@@ -38,12 +39,14 @@ def recorded(*frames: RgbdFrame) -> RecordedDepths:
 
 
 @pytest.mark.parametrize("width", [40, 320, 642])
-def test_images_that_measured_a_surface_at_a_point_are_counted(width: int) -> None:
+def test_images_are_counted_by_where_they_measured_a_surface(width: int) -> None:
     depths = recorded(frame(width=width), frame(DEPTH_M / 2, width), frame(width=width))
-    margin_m = surface_margin_m(np.array([DEPTH_M]))[0]
+    margin_m = MARGIN_M + MARGIN_SHARE * DEPTH_M
     places = at(DEPTH_M), at(DEPTH_M + 0.9 * margin_m), at(DEPTH_M + 1.2 * margin_m), at(1.0)
-    counted = depths.counts(np.concatenate([*places, at(-DEPTH_M), at(DEPTH_M, 3.0)]))
-    assert counted.tolist() == [2, 2, 0, 1, 0, 0]
+    counts = depths.counts(np.concatenate([*places, at(-DEPTH_M), at(DEPTH_M, 3.0)]))
+    assert counts.before.tolist() == [1, 1, 3, 0, 0, 0]
+    assert counts.on.tolist() == [2, 2, 0, 1, 0, 0]
+    assert counts.behind.tolist() == [0, 0, 0, 2, 0, 0]
 
 
 def test_images_are_small_and_keep_single_depths() -> None:
@@ -61,8 +64,9 @@ def test_what_is_not_measured_or_masked_is_no_surface(unknown: float) -> None:
     mask = np.ones(half.depth.shape, np.bool_)
     mask[:, 160:] = False
     for seen in (half, replace(frame(), mask=mask)):
-        left, right = recorded(seen).counts(np.concatenate([at(2, 0.5), at(2, -0.5)]))
-        assert (left, right) == (1, 0)
+        counts = recorded(seen).counts(np.concatenate([at(2, 0.5), at(2, -0.5), at(1, -0.2)]))
+        assert counts.on.tolist() == [1, 0, 0]
+        assert counts.behind.tolist() == counts.before.tolist() == [0, 0, 0]
 
 
 def test_arrays_are_read_as_written() -> None:
@@ -70,11 +74,11 @@ def test_arrays_are_read_as_written() -> None:
     read = RecordedDepths.from_arrays(depths.to_arrays())
     assert len(read.cameras) == 2
     points = np.concatenate([at(2.0), at(3.0), at(1.0)])
-    assert read.counts(points).tolist() == depths.counts(points).tolist() == [1, 1, 0]
+    assert read.counts(points).on.tolist() == depths.counts(points).on.tolist() == [1, 1, 0]
     assert RecordedDepths.from_arrays({}) is NO_RECORDED_DEPTHS
-    assert NO_RECORDED_DEPTHS.counts(points).tolist() == [0, 0, 0]
+    assert NO_RECORDED_DEPTHS.counts(points).on.tolist() == [0, 0, 0]
     empty = RecordedDepths.from_arrays(NO_RECORDED_DEPTHS.to_arrays())
-    assert empty.counts(points).tolist() == [0, 0, 0]
+    assert empty.counts(points).on.tolist() == [0, 0, 0]
 
 
 @pytest.mark.parametrize("key", KEYS)

@@ -7,6 +7,7 @@ import change_room
 import numpy as np
 import pytest
 from change_room import BLUE, VIEWPOINTS, YELLOW, see, thing
+from shared import viewpoints_all_around
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
@@ -267,7 +268,8 @@ def test_what_the_recording_measured_is_no_addition() -> None:
     """A map may lack what was there; once it left, it may come."""
     whole, cameras = change_room.mapped()
     lacking = whole.select(np.linalg.norm(whole.means + whole.origin - RED_M, axis=1) > 0.25)
-    frames = [see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS]
+    viewpoints = viewpoints_all_around("change_room", change_room.home(), 48)
+    frames = [see(change_room.home(), viewpoint) for viewpoint in (*VIEWPOINTS, *viewpoints)]
     small, depths_mm = zip(*map(small_depth_image, frames), strict=True)
     measurements = replace(NO_MEASUREMENTS, depths=RecordedDepths(small, np.concatenate(depths_mm)))
 

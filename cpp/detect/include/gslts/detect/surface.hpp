@@ -36,6 +36,7 @@ struct Visibility {
   double seen_through = 0;  ///< or a surface behind it: the point was free.
   double known_share = 1;   ///< Share of the points with at least one count.
   double recorded_share = 0;  ///< Share of the points at which the map's recording has a surface.
+  double free_share = 1;      ///< Share of the points that the recording saw through.
 };
 
 /// The visible surface of an object, before or after a change.
