@@ -32,9 +32,9 @@ struct Evidence {
 /// Visibility counts of the sampled points of a surface: in how many training cameras of the map
 /// each is seen, summed over the points.
 struct Visibility {
-  double on_surface = 0;    ///< The camera sees a surface at the point,
-  double seen_through = 0;  ///< or a surface behind it: the point was free.
-  double known_share = 1;   ///< Share of the points with at least one count.
+  double on_surface = 0;      ///< The camera sees a surface at the point,
+  double seen_through = 0;    ///< or a surface behind it: the point was free.
+  double known_share = 1;     ///< Share of the points with at least one count.
   double recorded_share = 0;  ///< Share of the points at which the map's recording has a surface.
   double free_share = 1;      ///< Share of the points that the recording saw through.
 };
