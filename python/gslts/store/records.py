@@ -144,7 +144,7 @@ class Event(ObjectEvent):
 
 @dataclass(frozen=True)
 class Updates:
-    """What the updates of a map changed.
+    """Traces of the updates of a map.
 
     Attributes:
         added_ids: Ids of the Gaussians that each update added, such as those of objects that came;

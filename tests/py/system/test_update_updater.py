@@ -109,7 +109,7 @@ def test_addition_and_removal_cancel() -> None:
 
 
 def test_a_removal_whose_gaussians_stay_is_rejected() -> None:
-    """What the views show then is an error of the map."""
+    """The views show an error of the map then."""
     keeping = UPDATE.edit.model_copy(update={"vote_share": 1.0, "carve": False})
     before, cameras = change_room.mapped()
     result = integrate_changes(
