@@ -1,12 +1,12 @@
 """The command `gslts update`, as a user meets it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import change_room
 import numpy as np
 import pytest
-import sim_scenes
 import update_room
 from command import gslts
 from PIL import Image
@@ -151,7 +151,9 @@ def test_a_recording_of_few_frames_needs_fewer_of_them(tmp_path: Path) -> None:
 
 
 def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
-    elsewhere = sim_scenes.simple_home()
+    walls = change_room.tiled("Wall|1", (0, 0, -0.2), (5, 4, 2.6), 10, 40, inward=True)
+    floor = change_room.tiled("Floor|1", (0, 0, -0.1), (5, 4, 0), 11, 90)
+    elsewhere = replace(change_room.home(), objects=(walls, floor))
     capture(
         update_room.robot_in(elsewhere), viewpoints_of_the_change()[:3], workplace / "elsewhere"
     )
