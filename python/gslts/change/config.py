@@ -55,7 +55,7 @@ class DetectionConfig:
         """Return the number of halvings of a frame.
 
         Args:
-            width_px: Width of the frame.
+            width_px: Width of the frame, px.
         """
         if self.halvings is not None:
             return self.halvings

@@ -96,7 +96,7 @@ class ChangeDetector:
         self._map, self._measurements = gaussian_map, measurements
         self._plain = gaussian_map.without_features()
         self._updates = updates
-        self._left: tuple[Box, ...] = tuple((np.array(a), np.array(b)) for a, b in updates.left)
+        self._left = np.array(updates.left, np.float64).reshape(-1, 2, 3)
         self._drawn = gaussian_map.with_features(
             lambda ids: np.column_stack(
                 [
@@ -170,7 +170,7 @@ class ChangeDetector:
             measurements=self._measurements,
             updates=self._updates,
         )
-        other._left = (*self._left, *left)
+        other._left = np.concatenate([self._left, np.array([*left]).reshape(-1, 2, 3)])
         return other
 
     def detect(self, frame: RgbdFrame) -> Detection:

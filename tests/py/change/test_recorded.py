@@ -30,8 +30,12 @@ def surface(z_m: float, side: Side = Side.AFTER, *, flat: bool = False) -> Surfa
     return Surface(side=side, **box, samples=samples, visibility=seen, flat=flat)
 
 
+def boxes(*left: Box) -> np.ndarray:
+    return np.array(left, np.float64).reshape(-1, 2, 3)
+
+
 def share(found: Surface, depths: RecordedDepths, *left: Box) -> float:
-    find_recorded([found], depths, left)
+    find_recorded([found], depths, boxes(*left))
     assert found.visibility is not None
     assert found.visibility.known_share == 1
     told = surface_fault(found) == "the recording of the map measured this surface"
@@ -49,7 +53,7 @@ def test_what_two_frames_measured_is_not_new() -> None:
 def test_what_comes_must_be_where_the_recording_saw_through() -> None:
     def free_share(z_m: float, depths: RecordedDepths, *left: Box) -> float:
         found = surface(z_m)
-        find_recorded([found], depths, left)
+        find_recorded([found], depths, boxes(*left))
         assert found.visibility is not None
         fault = "the recording of the map did not see through this position"
         assert (surface_fault(found) == fault) == (found.visibility.free_share < MIN_FREE_SHARE)
@@ -75,5 +79,5 @@ def test_only_solid_surfaces_of_the_frame_are_compared() -> None:
     assert share(surface(WALL_M, Side.BEFORE), recording(2)) == 0
     unseen = surface(WALL_M)
     unseen.visibility = None
-    find_recorded([unseen], recording(2), [])
+    find_recorded([unseen], recording(2), boxes())
     assert unseen.visibility is None
