@@ -28,14 +28,12 @@ from gslts.cli import main
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.ply import write_ply
 from gslts.keeper.state import read_state
-from gslts.localization.landmark_files import FOLDER as LANDMARKS
-from gslts.localization.landmark_files import landmark_problems
+from gslts.localization.landmark_files import LANDMARK_FILES, read_landmark_file
 from gslts.store.delta import map_to_arrays
 from gslts.store.manifest import CAMERAS, MANIFEST
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import BLOBS, INDEX
-from gslts.store.measurements import FILE as MEASUREMENTS
-from gslts.store.measurements import measurement_problems
+from gslts.store.measurement_files import MEASUREMENT_FILES, read_measurement_file
 from gslts.store.writer_lock import LOCK
 
 MAP = "map"
@@ -159,7 +157,7 @@ class NewMap:
             found += self._again(folder)
         if not found:
             found += check_map(path, [1], lambda _: self._expected or "")
-            found += foreign_in(path, {"report.html", LANDMARKS, MEASUREMENTS})
+            found += foreign_in(path, {"report.html", LANDMARK_FILES.kind, MEASUREMENT_FILES.kind})
         return found
 
     def _again(self, folder: Path) -> list[str]:
@@ -256,7 +254,9 @@ def check_map(
     wrong = []
     try:
         with open_map(path) as store:
-            wrong += store.find_problems() + landmark_problems(store) + measurement_problems(path)
+            wrong += store.find_problems()
+            wrong += LANDMARK_FILES.find_problems(store, read_landmark_file)
+            wrong += MEASUREMENT_FILES.find_problems(store, read_measurement_file)
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
                 wrong.append(f"its versions are {numbers}")

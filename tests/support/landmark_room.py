@@ -9,7 +9,7 @@ from shared import viewpoints_all_around
 
 from gslts.core.frame import RgbdFrame
 from gslts.localization.landmark_extraction import extract_landmarks
-from gslts.localization.landmark_files import KEY, write_landmarks
+from gslts.localization.landmark_files import write_landmarks
 from gslts.localization.landmarks import Landmarks
 from gslts.store.map_folder import write_map_folder
 
@@ -38,7 +38,7 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
     gaussian_map, cameras = change_room.mapped()
 
     def finish(part: Path) -> dict[str, str]:
-        return {KEY: write_landmarks(landmarks, part)}
+        return {"landmarks": write_landmarks(landmarks, part)}
 
     write_map_folder(path, gaussian_map, {}, cameras, finish)
     return path

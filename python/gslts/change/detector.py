@@ -50,7 +50,8 @@ from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map, updates_of_map
-from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
+from gslts.store.measurement_files import read_measurements
+from gslts.store.measurements import NO_MEASUREMENTS, Measurements
 from gslts.store.records import NO_UPDATES, Updates
 from gslts.types import Bools, Floats32, Ints32
 

@@ -133,17 +133,18 @@ def verify(map_path: MapFolder) -> None:
     """
     from tqdm import tqdm
 
-    from gslts.localization.landmark_files import landmark_problems
+    from gslts.localization.landmark_files import LANDMARK_FILES, read_landmark_file
     from gslts.semantics.files import semantics_problems
     from gslts.store.map_folder import open_map
-    from gslts.store.measurements import measurement_problems
+    from gslts.store.measurement_files import MEASUREMENT_FILES, read_measurement_file
 
     with open_map(map_path) as store:
         versions = store.versions()
         with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
             problems = store.find_problems(bar.update)
-        problems += landmark_problems(store) + semantics_problems(store)
-        problems += measurement_problems(store.folder)
+        problems += LANDMARK_FILES.find_problems(store, read_landmark_file)
+        problems += MEASUREMENT_FILES.find_problems(store, read_measurement_file)
+        problems += semantics_problems(store)
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:
@@ -167,15 +168,16 @@ def gc(
     Example: gslts gc out/map --keep 100
     """
     from gslts.fleet.state import read_remote_state
-    from gslts.localization.landmark_files import remove_unneeded_landmarks
+    from gslts.localization.landmark_files import LANDMARK_FILES
     from gslts.store.map_folder import open_map
+    from gslts.store.measurement_files import MEASUREMENT_FILES
 
     with open_map(map_path, writable=True) as store:
         shared = read_remote_state(map_path)
         if keep is not None and shared is not None:
             keep = max(keep, store.version().number - shared.number + 1)
         freed = store.collect_garbage() if keep is None else store.compact(keep)
-        freed += remove_unneeded_landmarks(store)
+        freed += sum(files.remove_unneeded(store) for files in (LANDMARK_FILES, MEASUREMENT_FILES))
     typer.echo(f"{freed} bytes freed")
 
 

@@ -16,7 +16,7 @@ from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCa
 from gslts.store.history import History
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
-from gslts.store.measurements import read_measurements
+from gslts.store.measurement_files import read_measurements
 from gslts.store.records import Version
 from gslts.update.region import Region
 

@@ -22,12 +22,15 @@ from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import ShowProgress
 from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.mapping.frames import FrameSplit, ShowFrames, read_usable, require_memory
+from gslts.mapping.measure import measure_recording
 from gslts.mapping.observation import Observation
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, frame_records
 from gslts.store.causes import CameraRecord, ExtensionCause, ExtensionRecord
 from gslts.store.map_folder import camera_to_json, open_map
 from gslts.store.map_store import MapStore
+from gslts.store.measurement_files import write_measurements
+from gslts.store.measurements import Measurements
 from gslts.store.records import Version
 
 
@@ -142,6 +145,9 @@ def extend_store(
     extended = _add_semantics(path, growth, spaces, newest.next_id, config.threads)
     test_psnr_db = measure_test_psnr_db(extended, growth.split, config.threads)
     clock.note("evaluation")
+    training = list(growth.split.training.values())
+    measured = measure_recording(extended, training, config.threads).of_new(newest.next_id)
+    clock.note("measuring")
     record = ExtensionRecord(
         frames=len(frames),
         placed=len(placement.frames),
@@ -152,7 +158,7 @@ def extend_store(
         test_psnr_db=test_psnr_db,
         seconds=clock.stages,
     )
-    version = _publish(store, extended, cameras, growth.split, spaces, source, record)
+    version = _publish(store, extended, cameras, growth.split, spaces, measured, source, record)
     return MapExtension(version, record, placement, (), changed)
 
 
@@ -162,10 +168,11 @@ def _publish(
     cameras: Sequence[Camera],
     split: FrameSplit,
     spaces: Mapping[str, FrameSpace],
+    measured: Measurements,
     dataset: str,
     record: ExtensionRecord,
 ) -> Version:
-    """Write the landmarks of new space, and commit the version."""
+    """Write landmarks and measurements of new space, and commit the version."""
     cause = ExtensionCause(
         dataset=dataset,
         record=record,
@@ -176,6 +183,7 @@ def _publish(
             for name, frame in split.test.observations.items()
         },
         landmarks=_write_landmarks(store, extended, split, spaces),
+        measurements=write_measurements(measured, store.folder),
     )
     return store.commit(extended, cause)
 

@@ -15,6 +15,7 @@ from gslts.fleet.verification import Verdict, reject_all, verify_anew
 from gslts.localization.landmark_files import read_landmark_file, write_landmarks
 from gslts.store.causes import ConsolidationCause, ExtensionCause, UpdateCause, ViewsCause
 from gslts.store.delta import Delta, apply_deltas
+from gslts.store.measurement_files import read_measurement_file, write_measurements
 from gslts.types import UInts64
 
 AGAIN = "others changed the map before; run gslts {} again"
@@ -108,6 +109,10 @@ def _commit(
         added = added.of_gaussians(verdict.delta.added)
         landmarks = write_landmarks(added, replica.folder) if added.size else None
     made: dict[str, object] = {"landmarks": landmarks}
+    if isinstance(cause, ExtensionCause) and cause.measurements is not None:
+        measured = read_measurement_file(replica.folder, cause.measurements)
+        measured = replace(measured, ids=ids.of(measured.ids))
+        made["measurements"] = write_measurements(measured, replica.folder)
     if isinstance(cause, UpdateCause):
         made["changes"] = tuple(cause.changes[row] for row in verdict.kept)
         if len(events) == len(cause.changes):

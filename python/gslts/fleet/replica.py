@@ -9,21 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslts.fleet.shared_version import FileName, SharedVersion, file_path
-from gslts.localization.landmark_files import KEY as LANDMARKS
-from gslts.localization.landmark_files import landmark_path
+from gslts.localization.landmark_files import LANDMARK_FILES
 from gslts.semantics.files import autoencoder_path
 from gslts.store.causes import ExtensionCause, RejectedUpdateCause, SemanticsCause, UpdateCause
 from gslts.store.delta import Delta, delta_from_arrays
 from gslts.store.manifest import (
     CAMERAS,
     MANIFEST,
-    read_manifest,
     require_map_folder,
     update_image_path,
 )
 from gslts.store.map_store import MapStore
-from gslts.store.measurements import FILE as MEASUREMENTS
-from gslts.store.measurements import KEY as MEASURED
+from gslts.store.measurement_files import MEASUREMENT_FILES
 from gslts.store.records import Blob, ObjectEvent, Rejection, Version
 from gslts.store.trajectory_file import TRAJECTORY
 
@@ -244,17 +241,14 @@ class Replica(MapStore):
         """Yield the files of a version besides its Gaussians."""
         folder, number, cause = self.folder, version.number, version.cause
         if number == 1:
-            manifest = read_manifest(folder)
             yield "manifest", folder / MANIFEST
             yield "cameras", folder / CAMERAS
-            if MEASURED in manifest:
-                yield "measurements", folder / MEASUREMENTS
-            if LANDMARKS in manifest:
-                yield "landmarks", landmark_path(folder, manifest[LANDMARKS])
             if (folder / TRAJECTORY).exists():
                 yield "trajectory", folder / TRAJECTORY
-        if isinstance(cause, UpdateCause | ExtensionCause) and cause.landmarks is not None:
-            yield "landmarks", landmark_path(folder, cause.landmarks)
+        for files in (LANDMARK_FILES, MEASUREMENT_FILES):
+            digest = files.digest_of_manifest(folder) if number == 1 else files.digest_of(version)
+            if digest is not None:
+                yield files.kind, files.find(folder, digest)
         if isinstance(cause, SemanticsCause) and cause.autoencoder is not None:
             yield "autoencoder", autoencoder_path(folder, cause.autoencoder)
         if (image := update_image_path(folder, number)).exists():

@@ -14,11 +14,11 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gslts.localization.landmark_files import landmark_path
+from gslts.localization.landmark_files import LANDMARK_FILES
 from gslts.semantics.files import autoencoder_path
 from gslts.store.causes import Record, Sha256, first_problem
 from gslts.store.manifest import CAMERAS, MANIFEST, update_image_path
-from gslts.store.measurements import FILE as MEASUREMENTS
+from gslts.store.measurement_files import MEASUREMENT_FILES
 from gslts.store.records import Blob, ObjectEvent, Rejection, Snapshot, Version
 from gslts.store.trajectory_file import TRAJECTORY
 
@@ -31,7 +31,7 @@ FileName = Literal[
     "manifest", "cameras", "measurements", "trajectory", "landmarks", "autoencoder", "image"
 ]
 """Files of a version besides its Gaussians."""
-LATER_FILES = {"landmarks", "autoencoder", "image"}
+LATER_FILES = {"landmarks", "measurements", "autoencoder", "image"}
 """Files that versions after the first one may have."""
 
 
@@ -141,9 +141,9 @@ def file_path(folder: Path, name: FileName, number: int, blob: Blob) -> Path:
     paths = {
         "manifest": folder / MANIFEST,
         "cameras": folder / CAMERAS,
-        "measurements": folder / MEASUREMENTS,
+        "measurements": MEASUREMENT_FILES.path(folder, blob.key),
         "trajectory": folder / TRAJECTORY,
-        "landmarks": landmark_path(folder, blob.key),
+        "landmarks": LANDMARK_FILES.path(folder, blob.key),
         "autoencoder": autoencoder_path(folder, blob.key),
         "image": update_image_path(folder, number),
     }

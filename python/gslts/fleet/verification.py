@@ -28,7 +28,7 @@ from gslts.store.causes import (
 )
 from gslts.store.delta import Delta, apply_deltas
 from gslts.store.map_folder import camera_from_json
-from gslts.store.measurements import read_measurements
+from gslts.store.measurement_files import read_measurements
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.region import MAX_REGION_DISTANCE_M, Region
 from gslts.update.verify import remaining_confidence

@@ -30,7 +30,7 @@ from gslts.robots.driving import go_to
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
-from gslts.store.measurements import read_measurements
+from gslts.store.measurement_files import read_measurements
 from gslts.store.records import Version
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
@@ -54,8 +54,7 @@ class MapKeeper:
         state: Progress of the rounds.
         monitor: Confirms changes over the frames.
         semantics: Of the map; None if it has none, or its models are not available.
-        localizer: In the newest version of the map, for a `LocalizedRobot`; None if the odometry of
-            the robot is in the coordinates of the map.
+        localizer: In the newest version, for a `LocalizedRobot`; None if odometry is in the map.
 
     Raises:
         OSError: The map cannot be read, or another process writes it.
@@ -261,10 +260,9 @@ class MapKeeper:
         except ValueError as error:
             self._log(f"not extended: {error}")
             return
-        if outcome.record is None:
-            return
-        self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
-        self._use_map(self._store.read(), outcome.version)
+        if outcome.record is not None:
+            self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
+            self._reload()
 
     def let_others_write(self, write: Callable[[], None]) -> None:
         """Close the map between rounds, let something else write it, and go on with the result.
@@ -282,8 +280,7 @@ class MapKeeper:
         finally:
             self._store = open_map(self._folder, writable=True)
         if self.version != before:
-            self._cameras = cameras_of_map(self._folder)
-            self._use_map(self._store.read(), self.version)
+            self._reload()
 
     def consolidate(self, robot: Robot) -> None:
         """Refine what updates have changed since the last consolidation, as a new version.
@@ -347,11 +344,16 @@ class MapKeeper:
             self._store, self._map, cameras, result, config, self.state.round, self.semantics
         )
         self._defer_rejected(result)
-        if version is None:
-            return
-        self._log(f"version {version.number}: {version.gaussians} Gaussians")
-        self._use_map(result.gaussian_map, version)
-        self._set_state(deferred=still_deferred(self.state.deferred, result.changes))
+        if version is not None:
+            self._log(f"version {version.number}: {version.gaussians} Gaussians")
+            self._use_map(result.gaussian_map, version)
+            self._set_state(deferred=still_deferred(self.state.deferred, result.changes))
+
+    def _reload(self) -> None:
+        """Read all of the newest version, which was not made here or shows new space."""
+        self._cameras = cameras_of_map(self._folder)
+        self._measurements = read_measurements(self._folder)
+        self._use_map(self._store.read(), self.version)
 
     def _use_map(self, gaussian_map: GaussianMap, version: Version) -> None:
         """Detect and localize with a new version of the map."""
@@ -364,12 +366,10 @@ class MapKeeper:
 
     def _defer_rejected(self, result: UpdateResult) -> None:
         """Defer the changes that the map does not show."""
-        deferred = self.state.deferred
         for change, reason in result.rejected_changes:
-            deferred = defer(deferred, change, reason, self.state.round)
-            self._log(f"{change.kind} deferred: {reason}")
-        if result.rejected_changes:
+            deferred = defer(self.state.deferred, change, reason, self.state.round)
             self._set_state(deferred=deferred)
+            self._log(f"{change.kind} deferred: {reason}")
 
     def _new_detector(self) -> ChangeDetector:
         return ChangeDetector(

@@ -217,6 +217,7 @@ class ExtensionCause(_Cause):
         names, frames: Names of the training frames, and their cameras in the map.
         test_frames: Cameras of the test frames in the map, by name.
         landmarks: SHA-256 of the file of landmarks that were added; None if there are none.
+        measurements: SHA-256 of the file of its measurements; older versions have none.
     """
 
     kind: Literal["extension"] = "extension"
@@ -226,6 +227,7 @@ class ExtensionCause(_Cause):
     frames: tuple[UpdateFrame, ...]
     test_frames: dict[str, CameraRecord]
     landmarks: Sha256 | None
+    measurements: Sha256 | None = None
 
 
 class ConsolidationRecord(Record):
@@ -342,9 +344,6 @@ def version_cause_from_json(text: str) -> VersionCause:
     Args:
         text: One JSON object.
 
-    Returns:
-        The cause.
-
     Raises:
         ValueError: The text is no cause that this version of gslts knows; one line says why.
     """
@@ -359,9 +358,6 @@ def rejected_cause_from_json(text: str) -> RejectedUpdateCause:
 
     Args:
         text: One JSON object.
-
-    Returns:
-        The cause.
 
     Raises:
         ValueError: The text is no such cause; one line says why.

@@ -1,29 +1,18 @@
-"""Measurements of a map: what its recording tells of its Gaussians, and what it measured.
+"""Measurements of a map: what its recordings tell of its Gaussians, and what they measured.
 
-Ids are never used again, so that one list serves all versions; what an update adds is not listed.
+Ids are never used again, so that one list serves all versions from the one on that it was made for;
+what an update adds is not listed.
 """
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
-from safetensors import SafetensorError
-from safetensors.numpy import load, save
 
-from gslts.io.atomic_files import name_in_errors, sync_folder, write_atomic
-from gslts.store.manifest import read_manifest, split_version
 from gslts.store.recorded_depths import NO_RECORDED_DEPTHS, RecordedDepths
 from gslts.types import Bools, Floats32, Indices, UInts64
 
-FILE, KEY = "measurements.safetensors", "measurements"
-"""Name of the file in a map folder, and key of its SHA-256 in the manifest."""
-MAX_BYTES = 1 << 30
-"""Bounds the memory for a hostile file; 60 million Gaussians take less."""
-REPAIR = "copy it from a backup, or make the map again with gslts map"
-"""Next step for error messages about a missing or damaged file."""
 TYPICAL_ERRORS = (0.012, 0.05)
 """Errors of depth, m, and colours where nothing is known: between those of simulated homes and of
 real rooms."""
@@ -34,7 +23,7 @@ whose poses err by millimetres."""
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Comparison of a map with its recording, for each Gaussian.
+    """Comparison of a map with its recordings, for each Gaussian.
 
     Behind windows, in black skies and on dark surfaces a sensor measures nothing, and mapping puts
     Gaussians anywhere along the ray: these are not measured.
@@ -46,7 +35,7 @@ class Measurements:
             depth, m, and of the rendered colours, summed over the channels; NaN where unknown.
         noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
             depths z of an unchanged surface is a + b z^2.
-        depths: Small depth images of the recording.
+        depths: Small depth images of the recordings.
 
     Raises:
         ValueError: The arrays do not fit together, or a number is out of range.
@@ -103,6 +92,34 @@ class Measurements:
         result[found] = self.errors[rows]
         return np.where(np.isfinite(result), result, np.array(TYPICAL_ERRORS, np.float32))
 
+    def of_new(self, first_id: int) -> Measurements:
+        """Return the measurements without those of older Gaussians.
+
+        Args:
+            first_id: Id of the first new Gaussian.
+        """
+        new = self.ids >= first_id
+        return replace(
+            self, ids=self.ids[new], is_measured=self.is_measured[new], errors=self.errors[new]
+        )
+
+    def extended(self, by: Measurements) -> Measurements:
+        """Return the measurements with those of an extension of the map, but the same noise.
+
+        Args:
+            by: Of newer Gaussians.
+
+        Raises:
+            ValueError: An id is not newer.
+        """
+        return Measurements(
+            np.concatenate([self.ids, by.ids]),
+            np.concatenate([self.is_measured, by.is_measured]),
+            np.concatenate([self.errors, by.errors]),
+            self.noise,
+            self.depths.extended(by.depths),
+        )
+
     def _find(self, ids: UInts64) -> tuple[Indices, Bools]:
         """Return the rows of the ids that are listed, and which of `ids` they are."""
         rows = np.searchsorted(self.ids, ids)
@@ -115,85 +132,3 @@ NO_MEASUREMENTS = Measurements(
     np.zeros(0, np.uint64), np.zeros(0, np.bool_), np.zeros((0, 2), np.float32)
 )
 """Measurements of a map of which nothing is known."""
-
-
-def write_measurements(measurements: Measurements, folder: Path) -> str:
-    """Write measurements into a map folder, durable after a power loss.
-
-    Args:
-        measurements: Of the map.
-        folder: Map folder.
-
-    Returns:
-        SHA-256 of the file, for the manifest.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    content = save(
-        {
-            "ids": np.ascontiguousarray(measurements.ids),
-            "is_measured": np.ascontiguousarray(measurements.is_measured),
-            "errors": np.ascontiguousarray(measurements.errors),
-            "noise": np.array(measurements.noise, np.float64),
-            **measurements.depths.to_arrays(),
-        }
-    )
-    write_atomic(folder / FILE, content)
-    sync_folder(folder)
-    return hashlib.sha256(content).hexdigest()
-
-
-def read_measurements(path: Path) -> Measurements:
-    """Read the measurements of a map.
-
-    Args:
-        path: Map folder, a version of it such as MAP@3, or a PLY file.
-
-    Returns:
-        The measurements; none for a PLY file or an imported map.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is damaged.
-    """
-    folder, _ = split_version(path)
-    digest = read_manifest(folder).get(KEY) if folder.is_dir() else None
-    if digest is None:
-        return NO_MEASUREMENTS
-    file = folder / FILE
-    try:
-        with name_in_errors(file), file.open("rb") as opened:
-            content = opened.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise FileNotFoundError(f"{file}: it is missing; {REPAIR}") from None
-    if len(content) > MAX_BYTES or hashlib.sha256(content).hexdigest() != digest:
-        raise ValueError(f"{file}: it is damaged: the manifest has another checksum; {REPAIR}")
-    try:
-        arrays = load(content)
-        constant_m, per_m = arrays["noise"].tolist()
-        return Measurements(
-            arrays["ids"],
-            arrays["is_measured"],
-            arrays["errors"],
-            (constant_m, per_m),
-            RecordedDepths.from_arrays(arrays),
-        )
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{file}: these are no measurements: {error}") from None
-
-
-def measurement_problems(folder: Path) -> list[str]:
-    """Check the file of a map.
-
-    Args:
-        folder: Map folder.
-
-    Returns:
-        One line if the file is missing or damaged; none if it is valid.
-    """
-    try:
-        read_measurements(folder)
-    except (OSError, ValueError) as error:
-        return [str(error)]
-    return []

@@ -89,6 +89,16 @@ class RecordedDepths:
             behind=_count(is_known & (measured_m > z + margin_m)),
         )
 
+    def extended(self, by: RecordedDepths) -> RecordedDepths:
+        """Return these images and others.
+
+        Args:
+            by: The others.
+        """
+        return RecordedDepths(
+            self.cameras + by.cameras, np.concatenate([self.depths_mm, by.depths_mm])
+        )
+
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that `from_arrays` reads, by name."""
         lenses = [[c.fx, c.fy, c.cx, c.cy] for c in self.cameras]

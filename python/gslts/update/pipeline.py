@@ -21,7 +21,7 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import RejectedUpdateCause, UpdateRecord
 from gslts.store.map_folder import open_map
-from gslts.store.measurements import read_measurements
+from gslts.store.measurement_files import read_measurements
 from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import Progress, UpdateResult, integrate_changes

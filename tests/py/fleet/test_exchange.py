@@ -4,10 +4,11 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import synthetic_rooms
 from store_maps import assert_same
-from synthetic_rooms import write_rooms
+from synthetic_rooms import extend_room, write_rooms
 
 from gslts.cli.history import gc
 from gslts.fleet.exchange import clone_map, pull_map, push_map
@@ -17,6 +18,7 @@ from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCa
 from gslts.store.history import INDEX
 from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import open_map, read_map
+from gslts.store.measurement_files import read_measurements
 from gslts.store.records import Version
 
 pytestmark = pytest.mark.usefixtures("url", "no_wait")
@@ -95,6 +97,19 @@ def test_a_change_elsewhere_is_bit_identical_to_having_been_second(
     with open_map(tmp_path / "b") as store:
         assert store.version().model_copy(update={"time_s": second.time_s}) == second
         assert [event.version for event in store.events()] == [2, 3]
+
+
+def test_measurements_of_an_extension_follow_with_its_gaussians(tmp_path: Path, url: str) -> None:
+    extend_room(tmp_path / "b", 1)
+    change_room(tmp_path / "a", 0)
+    push_map(tmp_path / "a")
+    assert push_map(tmp_path / "b").replayed == 1
+    clone_map(url, tmp_path / "c")
+    for name in "bc":
+        before, after = (read_map(Path(f"{tmp_path / name}@{number}")) for number in (2, 3))
+        new = np.setdiff1d(after.ids, before.ids)
+        np.testing.assert_array_equal(read_measurements(tmp_path / name).ids, new)
+    assert read_measurements(tmp_path / "a").ids.size == 0
 
 
 def test_a_change_of_the_same_region_is_not_applied_blindly(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.mapping.observation import Observation
 from gslts.store.causes import ExtensionCause
 from gslts.store.map_folder import open_map, read_map
+from gslts.store.measurement_files import read_measurements
 from gslts.store.trajectory_file import extension_by, open_recording
 
 MOVED = np.eye(4)
@@ -79,6 +80,23 @@ def test_what_the_map_knew_stays_bit_by_bit(extended):
         same[kept] &= equal.reshape(len(equal), -1).all(axis=1)
     assert (~same).sum() <= outcome.record.refined
     assert same.mean() > 0.5
+
+
+def test_new_space_is_measured(extended):
+    """Its Gaussians have errors, and what its frames measured does not count as new any more."""
+    path, _, outcome = extended
+    first, both = (read_measurements(Path(f"{path}@{number}")) for number in (1, 2))
+    new = both.ids[len(first.ids) :]
+    gaussian_map = read_map(path)
+    added = gaussian_map.ids[gaussian_map.ids > first.ids.max()]
+    np.testing.assert_array_equal(new, np.sort(added))
+    assert both.is_measured[len(first.ids) :].mean() > 0.8
+    assert np.isfinite(both.errors[len(first.ids) :]).mean() > 0.8
+    cameras = both.depths.cameras[len(first.depths.cameras) :]
+    assert len(cameras) == len(outcome.version.cause.frames)
+    points = gaussian_map.means[gaussian_map.ids > first.ids.max()] + gaussian_map.origin
+    before, after = (m.depths.counts(points).on >= 2 for m in (first, both))
+    assert after.mean() > before.mean() + 0.3
 
 
 def test_cameras_landmarks_and_cause_are_stored(extended):

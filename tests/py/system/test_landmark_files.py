@@ -21,8 +21,7 @@ from gslts.io.ply import write_ply
 from gslts.localization import landmark_files
 from gslts.localization.constants import MAX_FILE_BYTES
 from gslts.localization.landmark_files import (
-    FOLDER,
-    KEY,
+    LANDMARK_FILES,
     has_landmarks,
     read_landmarks,
     write_landmarks,
@@ -41,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def files_of(folder: Path) -> list[Path]:
-    return sorted((folder / FOLDER).iterdir())
+    return sorted((folder / LANDMARK_FILES.kind).iterdir())
 
 
 def in_box(landmarks: Landmarks, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -69,7 +68,7 @@ def test_a_map_without_landmarks_has_none(tmp_path: Path) -> None:
     write_ply(gaussian_map, tmp_path / "map.ply")
     assert read_landmarks(tmp_path / "map.ply") is None
     publish_update(tmp_path / "map", addition())
-    assert not (tmp_path / "map" / FOLDER).exists()
+    assert not (tmp_path / "map" / LANDMARK_FILES.kind).exists()
 
 
 def test_landmarks_are_removed_and_restored_with_their_gaussians(folder: Path) -> None:
@@ -196,8 +195,8 @@ def harmed(content: bytes, folder: Path) -> Path:
         path.unlink()
     digest = hashlib.sha256(content).hexdigest()
     manifest = json.loads((folder / MANIFEST).read_text())
-    (folder / MANIFEST).write_text(json.dumps({**manifest, KEY: digest}))
-    path = folder / FOLDER / f"{digest}.safetensors"
+    (folder / MANIFEST).write_text(json.dumps({**manifest, LANDMARK_FILES.kind: digest}))
+    path = folder / LANDMARK_FILES.kind / f"{digest}.safetensors"
     path.write_bytes(content)
     return path
 
@@ -219,9 +218,9 @@ def messages_of(folder: Path) -> str:
 @pytest.mark.parametrize(
     ("harm", "message"),
     [
-        ("cut", "it is damaged: its content is not that of its name; copy it from a backup, or"),
-        ("flip", "it is damaged: its content is not that of its name; copy it from a backup, or"),
-        ("empty", "it is damaged: its content is not that of its name; copy it from a backup, or"),
+        ("cut", "it is damaged: it has another SHA-256; copy it from a backup, or"),
+        ("flip", "it is damaged: it has another SHA-256; copy it from a backup, or"),
+        ("empty", "it is damaged: it has another SHA-256; copy it from a backup, or"),
         ("grow", "larger than 16 MiB"),
     ],
 )
@@ -248,7 +247,7 @@ def test_a_file_of_something_else_is_named(folder: Path, what: str) -> None:
 @pytest.mark.parametrize("name", [5, "../../secret", "ab" * 33, "x" * 64, {}])
 def test_a_wrong_digest_in_the_manifest_is_named(folder: Path, name: object) -> None:
     manifest = json.loads((folder / MANIFEST).read_text())
-    (folder / MANIFEST).write_text(json.dumps({**manifest, KEY: name}))
+    (folder / MANIFEST).write_text(json.dumps({**manifest, LANDMARK_FILES.kind: name}))
     assert messages_of(folder).startswith(
         f"{folder / MANIFEST}: landmarks: expected a SHA-256, got "
     )
@@ -272,7 +271,7 @@ def test_files_that_no_version_names_are_removed(folder: Path) -> None:
     assert both is not None
     write_landmarks(found().select(np.arange(9)), folder)  # Of a commit that was stopped.
     (unnamed,) = {*files_of(folder)} - {*named}
-    part = folder / FOLDER / ".abc.safetensors.1.part"
+    part = folder / LANDMARK_FILES.kind / ".abc.safetensors.1.part"
     part.write_bytes(b"half")
     size = unnamed.stat().st_size
     for freed in (size, 0):

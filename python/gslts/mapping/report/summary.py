@@ -13,19 +13,17 @@ from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset
 from gslts.localization.landmark_extraction import extract_landmarks
-from gslts.localization.landmark_files import KEY as LANDMARKS
 from gslts.localization.landmark_files import write_landmarks
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluation.evaluate import Quality, rgb_as_exposed
 from gslts.mapping.lenses import Lenses
-from gslts.mapping.measure import measure_map
+from gslts.mapping.measure import measure_recording
 from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
-from gslts.store.measurements import KEY as MEASUREMENTS
-from gslts.store.measurements import write_measurements
+from gslts.store.measurement_files import write_measurements
 from gslts.store.trajectory_file import TRAJECTORY, write_trajectory
 from gslts.types import Bytes, Floats
 
@@ -38,9 +36,6 @@ NAMED_FRAMES = 5
 MAX_POOR_SHARE = 0.1
 """Maximum share of training frames that are not reproduced without a warning: some are blurred, or
 show somebody who walked by."""
-MEASURING_FRAMES = 200
-"""About the number of training frames that the map is compared with: each takes 20 ms for 100,000
-Gaussians."""
 
 
 def write_result(
@@ -61,20 +56,15 @@ def write_result(
     landmarks = extract_landmarks(
         result.gaussian_map, (frame.rgbd() for frame in frames), threads=result.config.threads
     )
-    step = max(1, len(frames) // MEASURING_FRAMES)
-    measurements = measure_map(
-        result.gaussian_map,
-        (frame.rgbd() for frame in frames[::step]),
-        result.config.threads,
-    )
+    measurements = measure_recording(result.gaussian_map, frames, result.config.threads)
 
     def finish(part: Path) -> dict[str, str]:
         write_report(part / "report.html", report_of(result, dataset))
         if estimated is not None:
             write_trajectory(part / TRAJECTORY, estimated)
         return {
-            LANDMARKS: write_landmarks(landmarks, part),
-            MEASUREMENTS: write_measurements(measurements, part),
+            "landmarks": write_landmarks(landmarks, part),
+            "measurements": write_measurements(measurements, part),
         }
 
     write_map_folder(
