@@ -83,18 +83,23 @@ Args:
     seen_through: Counts of cameras that see a surface behind it: the sample was free space.
     known_share: Share of the samples with at least one count, 0 to 1.
     recorded_share: Share of the samples at which the recording of the map measured a surface.
-    free_share: Share of the samples that the recording saw through.)")
+    free_share: Share of the samples that the recording saw through.
+    missing_share: Of a surface of the map, share of the samples that the recording saw through
+        and never measured.)")
       .def(py::init([](double on_surface, double seen_through, double known_share,
-                       double recorded_share, double free_share) {
-             return Visibility{on_surface, seen_through, known_share, recorded_share, free_share};
+                       double recorded_share, double free_share, double missing_share) {
+             return Visibility{on_surface,     seen_through, known_share,
+                               recorded_share, free_share,   missing_share};
            }),
            py::kw_only(), py::arg("on_surface"), py::arg("seen_through"), py::arg("known_share"),
-           py::arg("recorded_share") = 0.0, py::arg("free_share") = 1.0)
+           py::arg("recorded_share") = 0.0, py::arg("free_share") = 1.0,
+           py::arg("missing_share") = 0.0)
       .def_readonly("on_surface", &Visibility::on_surface)
       .def_readonly("seen_through", &Visibility::seen_through)
       .def_readonly("known_share", &Visibility::known_share)
       .def_readonly("recorded_share", &Visibility::recorded_share)
-      .def_readonly("free_share", &Visibility::free_share);
+      .def_readonly("free_share", &Visibility::free_share)
+      .def_readonly("missing_share", &Visibility::missing_share);
 }
 
 constexpr const char* kSurfaceDoc = R"(The visible surface of an object, before or after a change.

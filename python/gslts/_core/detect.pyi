@@ -269,14 +269,19 @@ class Visibility:
         known_share: Share of the samples with at least one count, 0 to 1.
         recorded_share: Share of the samples at which the recording of the map measured a surface.
         free_share: Share of the samples that the recording saw through.
+        missing_share: Of a surface of the map, share of the samples that the recording saw through
+            and never measured.
     """
-    def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex, recorded_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, free_share: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
+    def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex, recorded_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, free_share: typing.SupportsFloat | typing.SupportsIndex = 1.0, missing_share: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
     @property
     def free_share(self) -> float:
         ...
     @property
     def known_share(self) -> float:
+        ...
+    @property
+    def missing_share(self) -> float:
         ...
     @property
     def on_surface(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.blur import Detail
-from gslts.change.changes import Box, Change
+from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
     MAX_CAMERAS,
@@ -69,7 +69,7 @@ class ChangeDetector:
             Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
         measurements: What the recording of the map tells of its Gaussians. Changes of what no
             depth confirms cannot be judged; depth steps count from a multiple of the noise; and a
-            surface that the recording measured is not new.
+            surface that the recording measured is not new, one that it saw through not gone.
         updates: What updates changed since: what came is likelier to go than other things, and
             may come again where it left.
 
@@ -97,7 +97,10 @@ class ChangeDetector:
         self._map, self._measurements = gaussian_map, measurements
         self._plain = gaussian_map.without_features()
         self._updates = updates
-        self._left = np.array(updates.left, np.float64).reshape(-1, 2, 3)
+        self._left, self._came = (
+            np.array([*boxes], np.float64).reshape(-1, 2, 3)
+            for boxes in (updates.left, updates.came)
+        )
         self._drawn = gaussian_map.with_features(
             lambda ids: np.column_stack(
                 [
@@ -151,28 +154,26 @@ class ChangeDetector:
         return self._map
 
     def with_map(
-        self, gaussian_map: GaussianMap, cameras: Iterable[Camera], left: Iterable[Box] = ()
+        self, gaussian_map: GaussianMap, cameras: Iterable[Camera], since: Updates = NO_UPDATES
     ) -> ChangeDetector:
         """Return a detector with the same settings for an edited map.
 
         Args:
             gaussian_map: float32.
             cameras: Training cameras of that map.
-            left: Boxes in which it lacks objects that this map has.
+            since: What was changed in this map to make it.
 
         Raises:
             ValueError: The map is not float32.
         """
-        other = ChangeDetector(
+        return ChangeDetector(
             gaussian_map,
             self.config,
             features=self._features,
             cameras=cameras,
             measurements=self._measurements,
-            updates=self._updates,
+            updates=self._updates.then(since),
         )
-        other._left = np.concatenate([self._left, np.array([*left]).reshape(-1, 2, 3)])
-        return other
 
     def detect(self, frame: RgbdFrame) -> Detection:
         """Compare a frame with the map.
@@ -335,7 +336,7 @@ class ChangeDetector:
             shifts = [shift_change(shift, likely, labels) for shift in found]
             shifted = {likely[row].label for shift in found for row in shift.surfaces}
             judged = [surface for surface in judged if surface.label not in shifted]
-            find_recorded(judged, self._measurements.depths, self._left)
+            find_recorded(judged, self._measurements.depths, self._left, self._came)
             judged = [surface for surface in judged if surface_fault(surface) is None]
         objects = object_changes(judged, labels, rule, is_measured=depth != "none")
         changes = (*shifts, *objects)

@@ -11,6 +11,7 @@ import numpy as np
 from gslts._core.detect import Side, Surface
 from gslts.change.changes import box_of_mask
 from gslts.change.constants import (
+    MAX_MISSING_SHARE,
     MAX_RECORDED_SHARE,
     MAX_THROUGH_SHARE,
     MIN_FREE_SHARE,
@@ -67,6 +68,8 @@ def surface_fault(surface: Surface) -> str | None:
         return "the recording of the map measured this surface"
     if seen.free_share < MIN_FREE_SHARE:
         return "the recording of the map did not see through this position"
+    if seen.missing_share > MAX_MISSING_SHARE:
+        return "the recording of the map saw through this surface"
     return None
 
 

@@ -106,8 +106,8 @@ class History:
         """
         number = self.version(number).number
         numbers = set(self._index.lineage(number))
-        left = [event.boxes[0] for event in self._index.events() if event.version in numbers]
-        return Updates(self._index.update_ids(number), [box for box in left if box is not None])
+        boxes = [event.boxes for event in self._index.events() if event.version in numbers]
+        return Updates.of_boxes(boxes, self._index.update_ids(number))
 
     def events(self) -> list[Event]:
         """Return the object changes as the updates found them, oldest first.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -150,10 +150,36 @@ class Updates:
         added_ids: Ids of the Gaussians that each update added, such as those of objects that came;
             oldest first. Extensions and consolidations are no updates.
         left: Boxes in which objects were that left or moved: low and high corners, world, m.
+        came: Boxes to which objects came or moved.
     """
 
     added_ids: Sequence[range] = ()
-    left: Sequence[Box] = ()
+    left: Sequence[Any] = ()
+    came: Sequence[Any] = ()
+
+    @classmethod
+    def of_boxes(cls, boxes: Iterable[tuple[Any, Any]], added_ids: Sequence[range] = ()) -> Updates:
+        """Take the boxes of changes of objects.
+
+        Args:
+            boxes: Before and after each change: corners, world, m; None where no object is.
+            added_ids: Ids of the Gaussians that each update added.
+        """
+        pairs = list(boxes)
+        left, came = ([pair[side] for pair in pairs if pair[side] is not None] for side in (0, 1))
+        return cls(added_ids, left, came)
+
+    def then(self, later: Updates) -> Updates:
+        """Return these updates and later ones.
+
+        Args:
+            later: Of the same map.
+        """
+        return Updates(
+            [*self.added_ids, *later.added_ids],
+            [*self.left, *later.left],
+            [*self.came, *later.came],
+        )
 
 
 NO_UPDATES = Updates()

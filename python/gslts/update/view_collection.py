@@ -18,6 +18,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.store.records import NO_UPDATES, Updates
 from gslts.types import Bools, Indices
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm, join_parts, join_shifts
@@ -272,12 +273,12 @@ def _detector_of_moved(
     detector: ChangeDetector, results: Sequence[Change | str], moved: Sequence[Bools]
 ) -> ChangeDetector:
     """Return the detector of the map in which shifted objects are at their new positions."""
-    gaussian_map, left = detector.gaussian_map, []
+    gaussian_map, shifted = detector.gaussian_map, NO_UPDATES
     for result, rows in zip(results, moved, strict=True):
         if not isinstance(result, str) and result.motion is not None and rows.any():
             gaussian_map = move_gaussians(gaussian_map, rows, result.motion)
-            left += [box for box in result.boxes[:1] if box is not None]
-    return detector.with_map(gaussian_map, detector.cameras, left)
+            shifted = shifted.then(Updates.of_boxes([result.boxes]))
+    return detector.with_map(gaussian_map, detector.cameras, shifted)
 
 
 def _regions_of_confirmed(change: Change, visited: Sequence[Region]) -> tuple[Region, ...]:

@@ -14,6 +14,7 @@ from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import join
 from gslts.rendering.rasterizer import RenderOptions, render
+from gslts.store.records import Updates
 from gslts.types import Bools, Floats, Floats32, Ints
 from gslts_bench.real.objects import StandingObject, find_objects, free_places
 from gslts_bench.real.planes import surface_points
@@ -92,17 +93,22 @@ class MapChange:
         bare = join(gaussian_map.select(kept), filling, int(gaussian_map.ids.max()) + 1)
         return bare if self.kind == "addition" else join(bare, moved)
 
-    def left(self, gaussian_map: GaussianMap) -> list[Box]:
-        """Return the box of the object where the changed map lacks it; none if it has it.
+    def made(self, gaussian_map: GaussianMap) -> Updates:
+        """Return what was changed in the map: an object left the position where frames show it.
 
         Args:
             gaussian_map: The unchanged map.
         """
-        if self.kind == "removal":
-            return []
-        means = self._gaussians(gaussian_map, "after").means + gaussian_map.origin
-        low, high = means.min(axis=0), means.max(axis=0)
-        return [(low, high)]
+        left, came = (
+            self._box(gaussian_map, side) if side in SIDES_OF[self.kind] else None
+            for side in ("after", "before")
+        )
+        return Updates.of_boxes([(left, came)])
+
+    def _box(self, gaussian_map: GaussianMap, side: Side) -> Box:
+        """Return the box of the object before or after the change."""
+        means = self._gaussians(gaussian_map, side).means + gaussian_map.origin
+        return means.min(axis=0), means.max(axis=0)
 
     def truth(self, gaussian_map: GaussianMap, camera: Camera) -> Change:
         """Return the change that the frame shows, with masks of the regions of the object.

@@ -139,7 +139,7 @@ class RoomViews:
             detector: With the settings; its map is not used.
         """
         changed = detector.with_map(
-            change.changed_map(self._map), self._training, change.left(self._map)
+            change.changed_map(self._map), self._training, change.made(self._map)
         )
         return changed.detect(self.frame(change.frame))
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
-from gslts.change.changes import Box
 from gslts.change.detector import ChangeDetector
 from gslts.consolidation.consolidate import consolidate
 from gslts.core.camera import Camera, new_viewpoints
@@ -23,6 +22,7 @@ from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.delta import apply_deltas
 from gslts.store.map_folder import read_map
+from gslts.store.records import NO_UPDATES, Updates
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import integrate_changes
 from gslts.update.region import Region, regions_of
@@ -132,10 +132,10 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         tasks = self._tasks()
         home = self.bench.load()
         regions: list[Region] = []
-        left: list[Box] = []  # By the last update; the detector knows the earlier ones.
+        last = NO_UPDATES  # The detector knows the earlier ones.
         for number, task in enumerate(tasks, start=1):
             robot = task.start(home, changed=True)
-            detector = detector.with_map(updated, cameras, left)
+            detector = detector.with_map(updated, cameras, last)
             found = detector.detect(robot.observe()).changes
             result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector
@@ -146,7 +146,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             regions += [region for change in result.changes for region in regions_of(change)]
-            left = [change.boxes[0] for change in result.changes if change.boxes[0] is not None]
+            last = Updates.of_boxes(change.boxes for change in result.changes)
             if regions and self.consolidate and number % self.consolidate == 0:
                 updated = _consolidate(updated, cameras, regions, robot)
                 regions = []

@@ -264,14 +264,23 @@ def test_a_surface_that_no_frame_measured_is_no_removal() -> None:
     require(again.detect(see(removed(change_room.home()), VIEWPOINTS[0])))
 
 
+def measured_depths(home: Home) -> Measurements:
+    """Return the depths of a recording of a room."""
+    viewpoints = viewpoints_all_around("change_room", change_room.home(), 48)
+    frames = [see(home, viewpoint) for viewpoint in (*VIEWPOINTS, *viewpoints)]
+    small, depths_mm = zip(*map(small_depth_image, frames), strict=True)
+    return replace(NO_MEASUREMENTS, depths=RecordedDepths(small, np.concatenate(depths_mm)))
+
+
+RED_BOX = (2.0, 1.65, 0.7), (2.4, 2.05, 1.1)
+"""Corners around the red box, m."""
+
+
 def test_what_the_recording_measured_is_no_addition() -> None:
     """A map may lack what was there; once it left, it may come."""
     whole, cameras = change_room.mapped()
     lacking = whole.select(np.linalg.norm(whole.means + whole.origin - RED_M, axis=1) > 0.25)
-    viewpoints = viewpoints_all_around("change_room", change_room.home(), 48)
-    frames = [see(change_room.home(), viewpoint) for viewpoint in (*VIEWPOINTS, *viewpoints)]
-    small, depths_mm = zip(*map(small_depth_image, frames), strict=True)
-    measurements = replace(NO_MEASUREMENTS, depths=RecordedDepths(small, np.concatenate(depths_mm)))
+    measurements = measured_depths(change_room.home())
 
     def detector(updates: Updates) -> ChangeDetector:
         return ChangeDetector(
@@ -282,17 +291,34 @@ def test_what_the_recording_measured_is_no_addition() -> None:
             updates=updates,
         )
 
-    recorded = detector(Updates())
-    detection = recorded.detect(frames[0])
+    frame, recorded = see(change_room.home(), VIEWPOINTS[0]), detector(Updates())
+    detection = recorded.detect(frame)
     require(detection)
     reasons = [region.reason for region in detection.unknown]
     assert "the recording of the map measured this surface" in reasons
-    low, high = (2.0, 1.65, 0.7), (2.4, 2.05, 1.1)
-    edited = recorded.with_map(lacking, cameras.values(), [(np.array(low), np.array(high))])
-    left = detector(Updates(left=[(low, high)]))
-    require(recorded.with_map(lacking, cameras.values()).detect(frames[0]))
-    for other in (edited, left):
-        require(other.detect(frames[0]), ("addition", RED_M))
+    require(recorded.with_map(lacking, cameras.values()).detect(frame))
+    has_left = Updates(left=[RED_BOX])
+    for other in (recorded.with_map(lacking, cameras.values(), has_left), detector(has_left)):
+        require(other.detect(frame), ("addition", RED_M))
+
+
+def test_what_the_recording_never_measured_is_no_removal() -> None:
+    """A map may show what was not there; once it came, it may go."""
+    gaussian_map, cameras = change_room.mapped()
+    measurements = measured_depths(removed(change_room.home()))
+    detector = ChangeDetector(
+        gaussian_map, change_room.CONFIG, cameras=cameras.values(), measurements=measurements
+    )
+    frame = see(removed(change_room.home()), VIEWPOINTS[0])
+    detection = detector.detect(frame)
+    require(detection)
+    reasons = [region.reason for region in detection.unknown]
+    assert "the recording of the map saw through this surface" in reasons
+    has_come = Updates(came=[RED_BOX])
+    require(
+        detector.with_map(gaussian_map, cameras.values(), has_come).detect(frame),
+        ("removal", RED_M),
+    )
 
 
 def test_an_object_in_unseen_space_is_no_addition() -> None:

@@ -37,6 +37,7 @@ struct Visibility {
   double known_share = 1;     ///< Share of the points with at least one count.
   double recorded_share = 0;  ///< Share of the points at which the map's recording has a surface.
   double free_share = 1;      ///< Share of the points that the recording saw through.
+  double missing_share = 0;   ///< Share of those, of a map's surface, that it never measured.
 };
 
 /// The visible surface of an object, before or after a change.
