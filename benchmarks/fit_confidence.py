@@ -21,7 +21,13 @@ from logistic_regression import fit as fit_logistic
 from logistic_regression import logistic
 from tqdm import tqdm
 
-from gslts._core.detect import Side, Surface, confidence_features, match_features
+from gslts._core.detect import (
+    Side,
+    Surface,
+    confidence,
+    confidence_features,
+    match_features,
+)
 from gslts.change.changes import SIDES, Change
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detection import Detection
@@ -40,8 +46,9 @@ HALVINGS = (0, 1, 2)
 """Resolutions of the frames of homes, so that weights do not depend on it."""
 NEAR_M = 0.05
 """Maximum distance of a surface from the box of the changed object that it belongs to."""
-NEGATIVES = 40
-"""Maximum number of pairs of different objects per pair of the same object."""
+MIN_CONFIDENCE, MIN_END_SHARE = ObjectRule().min_confidence, 0.2
+"""Minimum confidence of the likelier end of a relocation, and that of the other end as a share of
+it: `kMinEndConfidence`."""
 RIDGE = 3e-3
 """Weight of the squared differences of weights and prior, of features with unit variance. Of 3e-4
 to 3e-2, this is best in the mean of all that was left out."""
@@ -170,35 +177,32 @@ def _weight(domain: str) -> float:
     return HOMES_WEIGHT if domain == HOMES else 1.0
 
 
-def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
-    """Ask for pairs of surfaces of a home whether they are one object, with balanced weights."""
-    ends: dict[tuple[str, str, int, str, bool], Found] = {}
+def match_questions(found: Sequence[Found]) -> Questions:
+    """Ask for each pair that may be a relocation whether both surfaces are one object."""
+    frames: dict[tuple[str, str, int], list[Found]] = defaultdict(list)
     for entry in found:
-        if entry.object_id is not None:
-            key = (entry.home, entry.case, entry.width_px, entry.object_id, entry.before)
-            if key not in ends or ends[key].surface.area_px < entry.surface.area_px:
-                ends[key] = entry
-    of_homes: dict[str, list[Found]] = defaultdict(list)
-    for entry in ends.values():
-        of_homes[entry.home].append(entry)
-    same, others = [], []
-    for home in of_homes.values():
-        for before in (entry for entry in home if entry.before):
-            for after in (entry for entry in home if not entry.before):
-                if before.object_id != after.object_id:
-                    others.append((before, after))
-                elif (before.case, before.width_px) == (after.case, after.width_px):
-                    same.append((before, after))
-    chosen = rng.permutation(len(others))[: NEGATIVES * len(same)]
-    pairs = [*same, *(others[k] for k in chosen)]
-    answers = np.arange(len(pairs)) < len(same)
+        frames[entry.home, entry.case, entry.width_px].append(entry)
+    pairs = [
+        (before, after)
+        for entries in frames.values()
+        for before in entries
+        for after in entries
+        if before.before and not after.before and _may_be_ends(before.surface, after.surface)
+    ]
+    same = [a.object_id is not None and a.object_id == b.object_id for a, b in pairs]
     return Questions(
         features=np.array([match_features(a.surface, b.surface) for a, b in pairs]),
-        answers=answers.astype(np.float64),
+        answers=np.array(same, np.float64),
         domains=np.array([a.domain for a, _ in pairs]),
         homes=np.array([a.home for a, _ in pairs]),
-        weights=np.where(answers, 1.0, len(same) / len(chosen)),
+        weights=np.ones(len(pairs)),
     )
+
+
+def _may_be_ends(before: Surface, after: Surface) -> bool:
+    """Return whether the confidences of two surfaces are those of the ends of a relocation."""
+    lower, higher = sorted((confidence(before), confidence(after)))
+    return higher >= MIN_CONFIDENCE and lower >= MIN_END_SHARE * MIN_CONFIDENCE
 
 
 def fit(questions: Questions) -> Floats:
@@ -309,7 +313,7 @@ def main() -> None:
     for file in arguments.home:
         foreign = foreign_homes_of([file], range(1), HomeSetup(), arguments.work)
         found += _found_in_homes(file.name, foreign, FOREIGN_TASKS, 1)
-    report("match score", match_questions(found, np.random.default_rng(0)))
+    report("match score", match_questions(found))
     for dataset in arguments.room:
         found += _found_in_room(dataset, arguments.work)
     report("confidence", confidence_questions(found))

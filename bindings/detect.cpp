@@ -308,14 +308,14 @@ Args:
 Returns:
     Features of the logistic regression.)");
   m.def("match_score", &detect::match_score, py::arg("a"), py::arg("b"),
-        R"(Score how likely two surfaces are one object.
+        R"(Score how likely two surfaces of one frame are one object.
 
 Args:
     a: One surface.
     b: Another surface.
 
 Returns:
-    0 to 1: the probability if as many pairs are one object as are not.)");
+    Probability, 0 to 1.)");
   m.def("match_features", &detect::match_features, py::arg("a"), py::arg("b"),
         R"(Compute the numbers that `match_score` weighs.
 
@@ -324,7 +324,7 @@ Args:
     b: Another surface.
 
 Returns:
-    Hellinger distance of the colour histograms, and absolute logarithm of the ratio of areas.)");
+    Hellinger distance of the colour histograms, and absolute logarithm of the ratio of heights.)");
 }
 
 }  // namespace

@@ -41,6 +41,13 @@ std::vector<Pair> matching_pairs(const std::vector<Surface>& surfaces,
   return pairs;
 }
 
+/// Returns how likely a surface is an addition or a removal: the other end of a relocation may be
+/// hidden. The confidence of colours was fitted to whole changes.
+double lone_confidence(const Surface& surface, double confidence) {
+  if (surface.color_confidence) return confidence;
+  return confidence - kLoneDoubt * std::max(0.0, 2 * confidence - 1);
+}
+
 }  // namespace
 
 std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
@@ -57,11 +64,12 @@ std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
                        surfaces[before], surfaces[after]});
   }
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
-    if (taken[i] || confidences[i] < rule.min_confidence) continue;
+    const double confidence = lone_confidence(surfaces[i], confidences[i]);
+    if (taken[i] || confidence < rule.min_confidence) continue;
     if (surfaces[i].side == Side::kBefore) {
-      changes.push_back({ChangeType::kRemoval, confidences[i], surfaces[i], std::nullopt});
+      changes.push_back({ChangeType::kRemoval, confidence, surfaces[i], std::nullopt});
     } else {
-      changes.push_back({ChangeType::kAddition, confidences[i], std::nullopt, surfaces[i]});
+      changes.push_back({ChangeType::kAddition, confidence, std::nullopt, surfaces[i]});
     }
   }
   sort_descending(changes, [](const ObjectChange& change) { return change.confidence; });

@@ -9,8 +9,9 @@
 namespace gslts::detect {
 
 std::array<double, 2> match_features(const Surface& a, const Surface& b) {
-  const double log_ratio = std::log((a.area_m2 + kTinyArea_m2) / (b.area_m2 + kTinyArea_m2));
-  return {distance(a.color_histogram, b.color_histogram), std::abs(log_ratio)};
+  const double ratio = (a.high - a.low).z() + kTinyHeight_m,
+               other = (b.high - b.low).z() + kTinyHeight_m;
+  return {distance(a.color_histogram, b.color_histogram), std::abs(std::log(ratio / other))};
 }
 
 double match_score(const Surface& a, const Surface& b) {

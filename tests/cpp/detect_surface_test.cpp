@@ -135,14 +135,21 @@ TEST(MatchScore, ComparesColoursAndSizes) {
   const Surface again = box(In::kFrame, 0.8f, 0.2f, 0.2f);
   const Surface darker = box(In::kFrame, 0.7f, 0.15f, 0.15f);
   const Surface blue = box(In::kFrame, 0.2f, 0.2f, 0.8f);
-  const Surface larger = box(In::kFrame, 0.8f, 0.2f, 0.2f, 40, 20);
   const Surface huge = box(In::kFrame, 0.8f, 0.2f, 0.2f, 95, 78);
   EXPECT_GT(match_score(red, again), 0.95);
   EXPECT_GT(match_score(red, darker), match_score(red, blue));
   EXPECT_LT(match_score(red, blue), 0.05);
-  EXPECT_GT(match_score(red, again), match_score(red, larger));
   EXPECT_EQ(match_score(red, huge), 0);
-  EXPECT_DOUBLE_EQ(match_score(red, larger), match_score(larger, red));
+  EXPECT_DOUBLE_EQ(match_score(red, darker), match_score(darker, red));
+}
+
+TEST(MatchScore, ComparesHeights) {
+  const Surface low = box(In::kMap, 0.8f, 0.2f, 0.2f);
+  Surface tall = box(In::kFrame, 0.8f, 0.2f, 0.2f);
+  const double same = match_score(low, tall);
+  tall.high.z() += 2 * (tall.high - tall.low).z() + 0.1;
+  EXPECT_LT(match_score(low, tall), same);
+  EXPECT_DOUBLE_EQ(match_score(low, tall), match_score(tall, low));
 }
 
 TEST(MatchScore, HistogramsSumUpToOne) {
@@ -170,6 +177,8 @@ TEST(Surface, OneBuiltByHandIsClassified) {
   ASSERT_EQ(changes.size(), 1u);
   EXPECT_EQ(changes[0].type, ChangeType::kAddition);
   EXPECT_EQ(changes[0].confidence, confidence(surface));
+  surface.color_confidence = 0.7;
+  EXPECT_EQ(classify_changes({surface}, rule)[0].confidence, 0.7);
   EXPECT_EQ(match_features(surface, surface)[0], 1);  // Without histograms nothing matches.
 }
 

@@ -79,7 +79,7 @@ class ObjectRule:
         min_match_score: Minimum `match_score` of the two ends of a relocation, 0 to 1.
         min_confidence: Minimum confidence of a reported change, 0 to 1.
     """
-    def __init__(self, *, step_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.25, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
+    def __init__(self, *, step_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.35, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
     def edge_tolerance_px(self) -> int:
@@ -683,16 +683,16 @@ def match_features(a: Surface, b: Surface) -> typing.Annotated[list[float], "Fix
         b: Another surface.
     
     Returns:
-        Hellinger distance of the colour histograms, and absolute logarithm of the ratio of areas.
+        Hellinger distance of the colour histograms, and absolute logarithm of the ratio of heights.
     """
 def match_score(a: Surface, b: Surface) -> float:
     """
-    Score how likely two surfaces are one object.
+    Score how likely two surfaces of one frame are one object.
     
     Args:
         a: One surface.
         b: Another surface.
     
     Returns:
-        0 to 1: the probability if as many pairs are one object as are not.
+        Probability, 0 to 1.
     """

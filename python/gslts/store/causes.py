@@ -67,15 +67,15 @@ class UpdateFrame(CameraRecord):
 
 
 class Appearance(Record):
-    """Colours and size of a surface, by which the detector recognizes an object.
+    """Colours of a surface, by which the detector recognizes an object.
 
     Attributes:
-        area_m2: Area facing the camera, m^2.
+        area_m2: Area facing the camera, m^2; in records of earlier versions only.
         colors: Bins of the colour histogram that are not empty, each in five hexadecimal digits:
             three for the number of the bin, two for the square root of its share, 255 for 1.
     """
 
-    area_m2: Annotated[FiniteFloat, Field(ge=0)]
+    area_m2: Annotated[FiniteFloat, Field(ge=0)] | None = None
     colors: Annotated[str, Field(pattern="^([0-9a-f]{5})*$")]
 
 

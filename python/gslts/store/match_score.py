@@ -13,11 +13,11 @@ of one object from several sides differ by about that much; 0.3 joins neighbours
 MIN_LENGTH_RATIO = 0.2
 """Minimum ratio of the lengths of one object at two positions: `kMinLengthRatio` of
 `cpp/detect/constants.hpp`."""
-OFFSET, COLORS_WEIGHT, AREA_WEIGHT = 7.146, -12.015, -0.489
+OFFSET, COLORS_WEIGHT, HEIGHT_WEIGHT = 4.156, -8.236, -1.071
 """`kMatchOffset` and `kMatchWeights` of `cpp/detect/constants.hpp`."""
-TINY_AREA_M2 = 1e-6
-"""Added to areas, m^2, before their ratio is taken: `kTinyArea_m2`."""
-MIN_SCORE, MIN_SCORE_SAME_TYPE = 0.5, 0.1
+TINY_HEIGHT_M = 0.02
+"""Added to heights, m, before their ratio is taken: `kTinyHeight_m`."""
+MIN_SCORE, MIN_SCORE_SAME_TYPE = 0.35, 0.1
 """Minimum score of two reports of one object, and if both have the same type, which alone makes it
 likely that they are."""
 UNKNOWN_SCORE = 0.5
@@ -55,21 +55,27 @@ def report_score(
     Returns:
         As `gslts.change` scores surfaces, 0 to 1; 0 if they are too different for one object.
     """
+    ratio = 1.0
     if boxes[0] is not None and boxes[1] is not None:
         shorter, longer = sorted(math.dist(*box) for box in boxes if box is not None)
         if shorter < MIN_LENGTH_RATIO * longer:
             return 0.0
+        low, high = sorted(
+            top[2] - bottom[2] + TINY_HEIGHT_M for bottom, top in filter(None, boxes)
+        )
+        ratio = low / high
     a, b = appearances
-    score = UNKNOWN_SCORE if a is None or b is None else match_score(a, b)
+    score = UNKNOWN_SCORE if a is None or b is None else match_score(a, b, ratio)
     return score if score >= (MIN_SCORE_SAME_TYPE if same_type else MIN_SCORE) else 0.0
 
 
-def match_score(a: Appearance, b: Appearance) -> float:
+def match_score(a: Appearance, b: Appearance, height_ratio: float) -> float:
     """Score how likely two surfaces are one object, as `match_score` of the detector.
 
     Args:
         a: One appearance.
         b: The other one.
+        height_ratio: Of both, with `TINY_HEIGHT_M`.
 
     Returns:
         0 to 1.
@@ -78,8 +84,8 @@ def match_score(a: Appearance, b: Appearance) -> float:
     norm = math.hypot(*roots_a.values()) * math.hypot(*roots_b.values())
     overlap = sum(root * roots_b.get(bin_, 0) for bin_, root in roots_a.items())
     colors = math.sqrt(max(0.0, 1 - overlap / norm)) if norm else 1.0
-    area = abs(math.log((a.area_m2 + TINY_AREA_M2) / (b.area_m2 + TINY_AREA_M2)))
-    return 1 / (1 + math.exp(-(OFFSET + COLORS_WEIGHT * colors + AREA_WEIGHT * area)))
+    height = abs(math.log(height_ratio))
+    return 1 / (1 + math.exp(-(OFFSET + COLORS_WEIGHT * colors + HEIGHT_WEIGHT * height)))
 
 
 @lru_cache(maxsize=4096)

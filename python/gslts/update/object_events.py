@@ -132,7 +132,7 @@ def _appearance(surface: Surface | None) -> Appearance | None:
         return None
     roots = np.rint(255 * np.sqrt(np.asarray(surface.color_histogram, np.float64))).astype(int)
     colors = "".join(f"{bin_:03x}{roots[bin_]:02x}" for bin_ in np.flatnonzero(roots))
-    return Appearance(area_m2=surface.area_m2, colors=colors)
+    return Appearance(colors=colors)
 
 
 def _box(low: Floats, high: Floats) -> Box:

@@ -16,7 +16,8 @@ def test_confidence_of_a_change_is_that_of_its_surface() -> None:
     images = blank()
     put(images, "after", (40, 30))
     ((change,), _) = classify(images)
-    assert change.confidence == core.confidence(change.after)
+    alone = core.confidence(change.after)  # The other end of a relocation may be hidden.
+    assert change.confidence == pytest.approx(alone - 0.1 * (2 * alone - 1))
     assert len(core.confidence_features(change.after)) > 10
     assert np.isfinite(core.confidence_features(change.after)).all()
     assert change.after.evidence.step_ratio > 1

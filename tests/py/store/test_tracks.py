@@ -80,7 +80,7 @@ def commit(
     store: MapStore, number_of_round: int | None, *events: ObjectEvent, colors: str | None = None
 ) -> None:
     """Add a version that shows object changes, all of one colour."""
-    appearance = None if colors is None else Appearance(area_m2=0.04, colors=colors)
+    appearance = None if colors is None else Appearance(colors=colors)
     changes = tuple(
         ChangeRecord(
             kind=event.kind,

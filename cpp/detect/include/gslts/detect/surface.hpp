@@ -81,10 +81,10 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
 double confidence(const Surface& surface);
 
 /// Computes the numbers that `match_score` weighs: the distance of the colour histograms
-/// (Hellinger), and the absolute logarithm of the ratio of the areas.
+/// (Hellinger), and the absolute logarithm of the ratio of the heights.
 std::array<double, 2> match_features(const Surface& a, const Surface& b);
 
-/// Scores, 0 to 1, how likely two surfaces are one object, if as many pairs are one as are not.
+/// Returns how likely two surfaces of one pair of images are one object, 0 to 1.
 ///
 /// Logistic regression like `confidence`. Parts of either may be hidden.
 double match_score(const Surface& a, const Surface& b);
