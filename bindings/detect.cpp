@@ -307,24 +307,25 @@ Args:
 
 Returns:
     Features of the logistic regression.)");
-  m.def("match_score", &detect::match_score, py::arg("a"), py::arg("b"),
+  m.def("match_score", &detect::match_score, py::arg("before"), py::arg("after"),
         R"(Score how likely two surfaces of one frame are one object.
 
 Args:
-    a: One surface.
-    b: Another surface.
+    before: A surface of the map.
+    after: A surface of the frame.
 
 Returns:
     Probability, 0 to 1.)");
-  m.def("match_features", &detect::match_features, py::arg("a"), py::arg("b"),
+  m.def("match_features", &detect::match_features, py::arg("before"), py::arg("after"),
         R"(Compute the numbers that `match_score` weighs.
 
 Args:
-    a: One surface.
-    b: Another surface.
+    before: A surface of the map.
+    after: A surface of the frame.
 
 Returns:
-    Hellinger distance of the colour histograms, and absolute logarithm of the ratio of heights.)");
+    Hellinger distance of the colour histograms, and the logarithm of the ratio of the heights after
+    and before, 0 if it is smaller.)");
 }
 
 }  // namespace

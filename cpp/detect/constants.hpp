@@ -293,9 +293,10 @@ constexpr double kMinLengthRatio = 0.2;
 constexpr double kTinyHeight_m = 0.02;
 
 /// Logistic regression found by benchmarks/fit_confidence.py: offset, and weights of the distance
-/// of the colour histograms and of the logarithm of the ratio of heights.
-constexpr double kMatchOffset = 4.156;
-constexpr std::array<double, 2> kMatchWeights{-8.236, -1.071};
+/// of the colour histograms and of the growth in height. A sensor misses thin parts that the map
+/// has, so that objects may shrink.
+constexpr double kMatchOffset = 3.923;
+constexpr std::array<double, 2> kMatchWeights{-8.102, -1.601};
 
 /// Minimum confidence of the less certain end of a relocation, as a share of `min_confidence`.
 constexpr double kMinEndConfidence = 0.2;

@@ -143,13 +143,13 @@ TEST(MatchScore, ComparesColoursAndSizes) {
   EXPECT_DOUBLE_EQ(match_score(red, darker), match_score(darker, red));
 }
 
-TEST(MatchScore, ComparesHeights) {
+TEST(MatchScore, ObjectsDoNotGrow) {
   const Surface low = box(In::kMap, 0.8f, 0.2f, 0.2f);
   Surface tall = box(In::kFrame, 0.8f, 0.2f, 0.2f);
   const double same = match_score(low, tall);
   tall.high.z() += 2 * (tall.high - tall.low).z() + 0.1;
   EXPECT_LT(match_score(low, tall), same);
-  EXPECT_DOUBLE_EQ(match_score(low, tall), match_score(tall, low));
+  EXPECT_EQ(match_score(tall, low), same);  // The sensor may miss a part of it.
 }
 
 TEST(MatchScore, HistogramsSumUpToOne) {

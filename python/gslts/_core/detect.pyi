@@ -79,7 +79,7 @@ class ObjectRule:
         min_match_score: Minimum `match_score` of the two ends of a relocation, 0 to 1.
         min_confidence: Minimum confidence of a reported change, 0 to 1.
     """
-    def __init__(self, *, step_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.35, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
+    def __init__(self, *, step_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.3, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
     def edge_tolerance_px(self) -> int:
@@ -674,24 +674,25 @@ def mask_arrays(masks: Masks, camera: gslts._core.map.Camera) -> dict[str, numpy
     Raises:
         ValueError: The masks have another size than the camera.
     """
-def match_features(a: Surface, b: Surface) -> typing.Annotated[list[float], "FixedSize(2)"]:
+def match_features(before: Surface, after: Surface) -> typing.Annotated[list[float], "FixedSize(2)"]:
     """
     Compute the numbers that `match_score` weighs.
     
     Args:
-        a: One surface.
-        b: Another surface.
+        before: A surface of the map.
+        after: A surface of the frame.
     
     Returns:
-        Hellinger distance of the colour histograms, and absolute logarithm of the ratio of heights.
+        Hellinger distance of the colour histograms, and the logarithm of the ratio of the heights after
+        and before, 0 if it is smaller.
     """
-def match_score(a: Surface, b: Surface) -> float:
+def match_score(before: Surface, after: Surface) -> float:
     """
     Score how likely two surfaces of one frame are one object.
     
     Args:
-        a: One surface.
-        b: Another surface.
+        before: A surface of the map.
+        after: A surface of the frame.
     
     Returns:
         Probability, 0 to 1.

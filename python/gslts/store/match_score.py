@@ -13,11 +13,9 @@ of one object from several sides differ by about that much; 0.3 joins neighbours
 MIN_LENGTH_RATIO = 0.2
 """Minimum ratio of the lengths of one object at two positions: `kMinLengthRatio` of
 `cpp/detect/constants.hpp`."""
-OFFSET, COLORS_WEIGHT, HEIGHT_WEIGHT = 4.156, -8.236, -1.071
-"""`kMatchOffset` and `kMatchWeights` of `cpp/detect/constants.hpp`."""
-TINY_HEIGHT_M = 0.02
-"""Added to heights, m, before their ratio is taken: `kTinyHeight_m`."""
-MIN_SCORE, MIN_SCORE_SAME_TYPE = 0.35, 0.1
+OFFSET, COLORS_WEIGHT = 3.923, -8.102
+"""`kMatchOffset` and `kMatchWeights` of `cpp/detect/constants.hpp`, of objects of one height."""
+MIN_SCORE, MIN_SCORE_SAME_TYPE = 0.3, 0.1
 """Minimum score of two reports of one object, and if both have the same type, which alone makes it
 likely that they are."""
 UNKNOWN_SCORE = 0.5
@@ -55,27 +53,21 @@ def report_score(
     Returns:
         As `gslts.change` scores surfaces, 0 to 1; 0 if they are too different for one object.
     """
-    ratio = 1.0
     if boxes[0] is not None and boxes[1] is not None:
         shorter, longer = sorted(math.dist(*box) for box in boxes if box is not None)
         if shorter < MIN_LENGTH_RATIO * longer:
             return 0.0
-        low, high = sorted(
-            top[2] - bottom[2] + TINY_HEIGHT_M for bottom, top in filter(None, boxes)
-        )
-        ratio = low / high
     a, b = appearances
-    score = UNKNOWN_SCORE if a is None or b is None else match_score(a, b, ratio)
+    score = UNKNOWN_SCORE if a is None or b is None else match_score(a, b)
     return score if score >= (MIN_SCORE_SAME_TYPE if same_type else MIN_SCORE) else 0.0
 
 
-def match_score(a: Appearance, b: Appearance, height_ratio: float) -> float:
+def match_score(a: Appearance, b: Appearance) -> float:
     """Score how likely two surfaces are one object, as `match_score` of the detector.
 
     Args:
         a: One appearance.
         b: The other one.
-        height_ratio: Of both, with `TINY_HEIGHT_M`.
 
     Returns:
         0 to 1.
@@ -84,8 +76,7 @@ def match_score(a: Appearance, b: Appearance, height_ratio: float) -> float:
     norm = math.hypot(*roots_a.values()) * math.hypot(*roots_b.values())
     overlap = sum(root * roots_b.get(bin_, 0) for bin_, root in roots_a.items())
     colors = math.sqrt(max(0.0, 1 - overlap / norm)) if norm else 1.0
-    height = abs(math.log(height_ratio))
-    return 1 / (1 + math.exp(-(OFFSET + COLORS_WEIGHT * colors + HEIGHT_WEIGHT * height)))
+    return 1 / (1 + math.exp(-(OFFSET + COLORS_WEIGHT * colors)))
 
 
 @lru_cache(maxsize=4096)

@@ -6,7 +6,7 @@ import pytest
 from gslts._core.detect import Side, Surface, match_score
 from gslts.change.changes import Change
 from gslts.store.causes import Box
-from gslts.store.match_score import TINY_HEIGHT_M, is_at, report_score
+from gslts.store.match_score import is_at, report_score
 from gslts.store.match_score import match_score as score_of_history
 from gslts.update.object_events import change_record
 
@@ -25,7 +25,7 @@ def surface(rng: np.random.Generator, near: np.ndarray | None = None) -> Surface
         side=Side.AFTER,
         point=(LOW + HIGH) / 2,
         low=LOW,
-        high=HIGH * (1, 1, rng.uniform(0.5, 2)),
+        high=HIGH,
         color_histogram=(shares / shares.sum()).astype(np.float32).tolist(),
     )
 
@@ -38,14 +38,12 @@ def test_the_score_is_that_of_the_detector(seed: int) -> None:
     second = surface(rng, near)
     appearances = []
     for seen in (first, second):
-        box = np.asarray(seen.low), np.asarray(seen.high)
-        change = Change("addition", 0.9, seen.point, (None, box), after=seen)
+        change = Change("addition", 0.9, seen.point, (None, (LOW, HIGH)), after=seen)
         appearance = change_record(change).appearances[1]
         assert appearance is not None
         appearances.append(appearance)
     expected = match_score(first, second)
-    low, high = sorted(seen.high[2] + TINY_HEIGHT_M for seen in (first, second))
-    assert score_of_history(*appearances, low / high) == pytest.approx(expected, abs=0.02)
+    assert score_of_history(*appearances) == pytest.approx(expected, abs=0.02)
     assert (expected > 0.5) == bool(seed % 2), "pairs of both kinds"
 
 
@@ -58,17 +56,6 @@ def test_objects_of_very_different_size_are_not_alike() -> None:
     small: Box = ((0.0, 0.0, 0.0), (0.05, 0.02, 0.02))
     assert report_score((BOX, BOX), (None, None), same_type=True) > 0
     assert report_score((BOX, small), (None, None), same_type=True) == 0
-
-
-def test_objects_of_other_heights_are_less_alike() -> None:
-    seen = surface(np.random.default_rng(0))
-    change = Change("addition", 0.9, seen.point, (None, (LOW, HIGH)), after=seen)
-    appearance = change_record(change).appearances[1]
-    tall: Box = ((0.0, 0.0, 0.0), (0.3, 0.2, 0.5))
-    same, other = (
-        report_score((BOX, box), (appearance, appearance), same_type=True) for box in (BOX, tall)
-    )
-    assert other < same
 
 
 def test_boxes_of_one_position_overlap_or_nearly_do() -> None:

@@ -27,7 +27,7 @@ struct ObjectRule {
   double min_flat_color = 0.15;    ///< Minimum colour change of a flat change, sum of the channels.
   double min_flat_step_m = 0.006;  ///< Minimum median depth difference that tells its side, m.
   double min_flat_contrast = 0.03;  ///< Minimum difference of brightness a px across its outline.
-  double min_match_score = 0.35;    ///< Minimum `match_score` of the ends of a relocation.
+  double min_match_score = 0.3;     ///< Minimum `match_score` of the ends of a relocation.
   double min_confidence = 0.5;      ///< Minimum confidence of a reported change.
 };
 

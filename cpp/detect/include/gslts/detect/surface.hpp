@@ -81,12 +81,12 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
 double confidence(const Surface& surface);
 
 /// Computes the numbers that `match_score` weighs: the distance of the colour histograms
-/// (Hellinger), and the absolute logarithm of the ratio of the heights.
-std::array<double, 2> match_features(const Surface& a, const Surface& b);
+/// (Hellinger), and the logarithm of the ratio of the heights after and before; 0 if it is smaller.
+std::array<double, 2> match_features(const Surface& before, const Surface& after);
 
 /// Returns how likely two surfaces of one pair of images are one object, 0 to 1.
 ///
 /// Logistic regression like `confidence`. Parts of either may be hidden.
-double match_score(const Surface& a, const Surface& b);
+double match_score(const Surface& before, const Surface& after);
 
 }  // namespace gslts::detect
