@@ -25,7 +25,7 @@ from gslts.change.constants import (
     NEAR_SIGMAS,
     POSE_STDS,
 )
-from gslts.change.departures import are_in, expect_departures
+from gslts.change.departures import are_in, expect_departures, find_added
 from gslts.change.depth_quality import DepthQuality, depth_quality
 from gslts.change.detection import Detection
 from gslts.change.exposure import robust_exposure
@@ -323,7 +323,8 @@ class ChangeDetector:
         is_fine = depth == "fine"
         find = _core.find_changed_surfaces if is_fine else _core.find_changed_regions
         surfaces, labels = find(views, masks, self.config.objects)
-        expect_departures(surfaces, labels, came)
+        added = find_added(surfaces, labels, came)
+        expect_departures(surfaces, added)
         if self._visibility.has_cameras:
             for surface in surfaces:
                 surface.visibility = self._visibility_of(surface)
@@ -336,7 +337,7 @@ class ChangeDetector:
             shifts = [shift_change(shift, likely, labels) for shift in found]
             shifted = {likely[row].label for shift in found for row in shift.surfaces}
             judged = [surface for surface in judged if surface.label not in shifted]
-            find_recorded(judged, self._measurements.depths, self._left, self._came)
+            find_recorded(judged, self._measurements.depths, self._left, self._came, added)
             judged = [surface for surface in judged if surface_fault(surface) is None]
         objects = object_changes(judged, labels, rule, is_measured=depth != "none")
         changes = (*shifts, *objects)

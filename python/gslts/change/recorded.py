@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 import numpy as np
 
@@ -13,7 +13,11 @@ from gslts.types import Bools, Floats
 
 
 def find_recorded(
-    surfaces: Iterable[_core.Surface], depths: RecordedDepths, left: Floats, came: Floats
+    surfaces: Iterable[_core.Surface],
+    depths: RecordedDepths,
+    left: Floats,
+    came: Floats,
+    added: Container[int],
 ) -> None:
     """Set what the recording tells of surfaces that only the map or only a frame shows.
 
@@ -24,10 +28,11 @@ def find_recorded(
         depths: Of the recording.
         left: [B,2,3] boxes in which objects were that left since: low and high corners, world, m.
         came: [B,2,3] boxes to which objects came since.
+        added: Labels of surfaces of the map that came since.
     """
     for surface in surfaces:
         seen = surface.visibility
-        if seen is None or surface.flat:
+        if seen is None or surface.flat or surface.label in added:
             continue
         points = np.array(surface.samples)
         counts = depths.counts(points)

@@ -137,6 +137,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
             robot = task.start(home, changed=True)
             detector = detector.with_map(updated, cameras, last)
             found = detector.detect(robot.observe()).changes
+            next_id = int(updated.ids.max()) + 1
             result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector
             )
@@ -146,7 +147,10 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             regions += [region for change in result.changes for region in regions_of(change)]
-            last = Updates.of_boxes(change.boxes for change in result.changes)
+            last = Updates.of_boxes(
+                (change.boxes for change in result.changes),
+                [range(next_id, int(updated.ids.max()) + 1)],
+            )
             if regions and self.consolidate and number % self.consolidate == 0:
                 updated = _consolidate(updated, cameras, regions, robot)
                 regions = []

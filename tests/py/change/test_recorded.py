@@ -40,7 +40,7 @@ def boxes(*left: Box) -> np.ndarray:
 
 
 def share(found: Surface, depths: RecordedDepths, *left: Box) -> float:
-    find_recorded([found], depths, boxes(*left), boxes())
+    find_recorded([found], depths, boxes(*left), boxes(), ())
     assert found.visibility is not None
     assert found.visibility.known_share == 1
     told = surface_fault(found) == "the recording of the map measured this surface"
@@ -58,7 +58,7 @@ def test_what_two_frames_measured_is_not_new() -> None:
 def test_what_comes_must_be_where_the_recording_saw_through() -> None:
     def free_share(z_m: float, depths: RecordedDepths, *left: Box) -> float:
         found = surface(z_m)
-        find_recorded([found], depths, boxes(*left), boxes())
+        find_recorded([found], depths, boxes(*left), boxes(), ())
         assert found.visibility is not None
         fault = "the recording of the map did not see through this position"
         assert (surface_fault(found) == fault) == (found.visibility.free_share < MIN_FREE_SHARE)
@@ -80,9 +80,11 @@ def test_where_an_object_left_something_may_come() -> None:
 
 
 def test_what_the_recording_saw_through_is_not_gone() -> None:
-    def missing_share(z_m: float, depths: RecordedDepths, *came: Box) -> float:
+    def missing_share(
+        z_m: float, depths: RecordedDepths, *came: Box, added: tuple[int, ...] = ()
+    ) -> float:
         found = surface(z_m, Side.BEFORE)
-        find_recorded([found], depths, boxes(), boxes(*came))
+        find_recorded([found], depths, boxes(), boxes(*came), added)
         assert found.visibility is not None
         fault = "the recording of the map saw through this surface"
         is_fault = found.visibility.missing_share > MAX_MISSING_SHARE
@@ -97,6 +99,7 @@ def test_what_the_recording_saw_through_is_not_gone() -> None:
     # An object has come there since.
     corner = np.array([-3, -0.1, 1.4]), np.array([0, 0.1, 1.6])
     assert missing_share(1.5, recording(2), corner) == pytest.approx(0.5, abs=0.06)
+    assert missing_share(1.5, recording(2), added=(0,)) == 0
 
 
 def test_only_solid_surfaces_are_compared() -> None:
@@ -104,5 +107,5 @@ def test_only_solid_surfaces_are_compared() -> None:
     assert share(surface(WALL_M, Side.BEFORE), recording(2)) == 0
     unseen = surface(WALL_M)
     unseen.visibility = None
-    find_recorded([unseen], recording(2), boxes(), boxes())
+    find_recorded([unseen], recording(2), boxes(), boxes(), ())
     assert unseen.visibility is None
