@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable
 import numpy as np
 
 from gslts._core import detect as _core
-from gslts.change.constants import MIN_RECORDING_FRAMES, MOVED_MARGIN_M
+from gslts.change.constants import MIN_RECORDED_RATE, MIN_RECORDING_FRAMES, MOVED_MARGIN_M
 from gslts.store.recorded_depths import RecordedDepths
 from gslts.types import Bools, Floats
 
@@ -43,7 +43,8 @@ def find_recorded(
             missing_share = (is_free & ~is_measured & ~_are_in(points, came)).mean()
         else:
             has_left = _are_in(points, left)
-            recorded_share = (is_measured & ~has_left).mean()
+            is_often = counts.on >= MIN_RECORDED_RATE * (counts.on + counts.behind)
+            recorded_share = (is_measured & is_often & ~has_left).mean()
             # Where hardly a depth was measured, rendered ones must do.
             is_unknown = counts.before + counts.on + counts.behind < MIN_RECORDING_FRAMES
             free_share = (is_free | has_left | is_unknown).mean()

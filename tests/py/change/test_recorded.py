@@ -1,5 +1,7 @@
 """Surfaces that the recording of a map contradicts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,12 @@ def test_what_two_frames_measured_is_not_new() -> None:
     assert share(surface(WALL_M), recording(1)) == 0
     assert share(surface(1.5), recording(2)) == 0
     assert share(surface(WALL_M), recording(2, columns=40)) == pytest.approx(0.5, abs=0.06)
+
+
+def test_what_few_of_many_frames_measured_may_be_new() -> None:
+    near, far = recording(2), replace(recording(7), depths_mm=2 * recording(7).depths_mm)
+    assert share(surface(WALL_M), near.extended(far)) == 0
+    assert share(surface(WALL_M), near.extended(recording(4))) == 1
 
 
 def test_what_comes_must_be_where_the_recording_saw_through() -> None:
