@@ -13,7 +13,7 @@ from gslts.datasets import open_dataset
 from gslts.localization.landmark_files import read_landmarks
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.store.measurements import read_measurements
+from gslts.store.measurement_files import read_measurements
 
 
 @pytest.fixture(scope="module")
