@@ -17,7 +17,8 @@ from gslts_sim.controller import Controller
 from gslts_sim.home import Home
 from gslts_sim.robot_body import Viewpoint
 
-FAR = Viewpoint(0.75, 0.5, 45.0, 30.0)
+FAR, NEAR = Viewpoint(0.75, 0.5, 45.0, 30.0), Viewpoint(2.5, 0.25, 90.0, 30.0)
+"""From the first one, a box hides most of another one; from the second one, both are in view."""
 
 
 @pytest.fixture
@@ -28,9 +29,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "map"
 
 
-def robot_in(home: Home) -> Controller:
+def robot_in(home: Home, viewpoint: Viewpoint = FAR) -> Controller:
     robot = Controller(home, **change_room.SIZE)
-    robot.go(FAR)
+    robot.go(viewpoint)
     return robot
 
 
@@ -53,7 +54,7 @@ def test_a_change_on_the_path_is_integrated_and_the_robot_arrives(folder: Path) 
 def test_a_relocated_object_is_found_in_the_updated_map(folder: Path) -> None:
     home = update_room.changed_home("relocation").without(["Box|1"])
     with MapKeeper(folder, LOOP) as keeper:
-        navigator, result = run_errand(keeper, map_semantics(), robot_in(home), "box")
+        navigator, result = run_errand(keeper, map_semantics(), robot_in(home, NEAR), "box")
         assert keeper.version.number > 1
     assert result.status == "reached", result.reason
     low, high = update_room.ADDED
