@@ -54,12 +54,11 @@ class MapKeeper:
         state: Progress of the rounds.
         monitor: Confirms changes over the frames.
         semantics: Of the map; None if it has none, or its models are not available.
-        localizer: In the newest version, for a `LocalizedRobot`; None if odometry is in the map.
+        localizer: In the newest version; None if the odometry of robots is in map coordinates.
 
     Raises:
         OSError: The map cannot be read, or another process writes it.
-        ValueError: The folder holds no map, the state is damaged, or the robot should be localized
-            and the map has no landmarks.
+        ValueError: It is no map, its state is damaged, or it lacks landmarks for a localizer.
     """
 
     def __init__(
@@ -305,9 +304,9 @@ class MapKeeper:
             return
         if done.record is None:
             self._log(f"not consolidated: {done.reason}")
-            return
-        self._log(f"version {done.version.number}: {done.record.refined} Gaussians refined")
-        self._use_map(self._store.read(), done.version)
+        else:
+            self._log(f"version {done.version.number}: {done.record.refined} Gaussians refined")
+            self._use_map(self._store.read(), done.version)
 
     def _plan(self) -> tuple[str, ...]:
         threads = self._config.update.threads
@@ -365,11 +364,12 @@ class MapKeeper:
             self.localizer.publish(self._new_relocalizer())
 
     def _defer_rejected(self, result: UpdateResult) -> None:
-        """Defer the changes that the map does not show."""
+        deferred = self.state.deferred
         for change, reason in result.rejected_changes:
-            deferred = defer(self.state.deferred, change, reason, self.state.round)
-            self._set_state(deferred=deferred)
+            deferred = defer(deferred, change, reason, self.state.round)
             self._log(f"{change.kind} deferred: {reason}")
+        if result.rejected_changes:
+            self._set_state(deferred=deferred)
 
     def _new_detector(self) -> ChangeDetector:
         return ChangeDetector(

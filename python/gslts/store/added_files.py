@@ -55,7 +55,7 @@ class AddedFiles:
     def find(self, folder: Path, digest: str) -> Path:
         """Return the path of a file that was written.
 
-        Maps that were made before this module have that of the first version beside the manifest.
+        Older maps have the measurements of the first version beside the manifest.
 
         Args:
             folder: Map folder.

@@ -10,10 +10,11 @@ from typing import Any
 
 from gslts.io.atomic_files import name_in_errors
 
-SCHEMA, OLDEST_SCHEMA = 6, 2
+SCHEMA, OLDEST_SCHEMA = 7, 2
 """Version of the tables, and the oldest one that is read. Raise the first with every change of
 `TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts;
-columns were added as `ADDED_COLUMNS` tells."""
+up to schema 6, appearances have areas, and extensions no measurements; columns were added as
+`ADDED_COLUMNS` tells."""
 ADDED_COLUMNS = (
     (4, "events", "motion"),
     (5, "versions", "robot"),

@@ -272,7 +272,7 @@ def test_a_newer_schema_is_named(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
     connection.execute("PRAGMA user_version = 99")
     connection.close()
-    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 6"):
+    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 7"):
         MapStore(folder)
 
 
@@ -305,7 +305,7 @@ def test_an_older_schema_is_read_and_becomes_new_when_written(folder: Path) -> N
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [shift])
         assert store.events() == [mug, Event(version=2, **dict(shift))]
-    assert schema() == 6
+    assert schema() == 7
 
 
 @pytest.mark.parametrize("content", [b"", b"no database" * 100])

@@ -156,14 +156,14 @@ def test_a_second_writer_is_rejected(folder: Path) -> None:
 
 def test_a_newer_schema_is_not_modified(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
-    connection.execute("PRAGMA user_version = 7")
+    connection.execute("PRAGMA user_version = 8")
     connection.close()
     before = (folder / INDEX).read_bytes()
     for command in (("verify", "map"), ("restore", "map", "1")):
         done = gslts(*command, cwd=folder.parent)
         assert done.returncode == 1
         assert done.stderr == (
-            f"gslts: map/{INDEX}: its schema is version 7, this gslts reads 6; a newer gslts "
+            f"gslts: map/{INDEX}: its schema is version 8, this gslts reads 7; a newer gslts "
             "wrote it: install that version\n"
         )
     assert (folder / INDEX).read_bytes() == before
