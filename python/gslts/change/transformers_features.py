@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from gslts.io.onnx_file import MAX_SIDE_PX
+from gslts.semantics.network_input import IMAGENET_MEAN, IMAGENET_STD
 from gslts.types import Floats32
 
 
@@ -29,12 +30,7 @@ class TransformersEncoder:
             import torch
             from transformers import AutoModel
 
-            from gslts.semantics.pretrained import (
-                IMAGENET_MEAN,
-                IMAGENET_STD,
-                SAM_EXAMPLE,
-                load_pretrained,
-            )
+            from gslts.semantics.pretrained import SAM_EXAMPLE, load_pretrained
         except ImportError:
             raise ImportError(
                 "transformers features need transformers and torch: pip install 'gslts[models]'"

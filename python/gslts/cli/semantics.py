@@ -35,10 +35,19 @@ def semantics(
     ] = None,
     clip: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="CLIP of transformers: config, safetensors, tokenizer."),
+        typer.Option(
+            metavar="DIR",
+            help="CLIP, SigLIP or MobileCLIP in ONNX (vision_model.onnx, text_model.onnx, "
+            "tokenizer), or CLIP of transformers in safetensors.",
+        ),
     ] = None,
     sam: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="SAM of transformers: config, safetensors.")
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="SAM, MobileSAM or EfficientSAM in ONNX (encoder and decoder), or SAM of "
+            "transformers in safetensors.",
+        ),
     ] = None,
     model: Annotated[
         Path | None,

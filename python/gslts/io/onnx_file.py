@@ -41,6 +41,23 @@ def open_onnx(path: Path, threads: int = 1) -> Any:
         raise ValueError(f"{path}: it is no ONNX model: {first_line(error)}") from None
 
 
+def find_onnx(folder: Path, pattern: str, other: str = "") -> Path | None:
+    """Find an ONNX file in a folder, or in the folder `onnx` in it.
+
+    Args:
+        folder: As of `hf download`.
+        pattern: Of its name, such as "text_model*.onnx". Of several precisions, the shortest name
+            is that of float32.
+        other: Part of a name that other files have; empty for none.
+
+    Returns:
+        The file; None if there is none.
+    """
+    found = [*folder.glob(pattern), *folder.glob(f"onnx/{pattern}")]
+    fitting = [path for path in found if not other or other not in path.name]
+    return min(fitting, key=lambda path: (len(path.name), path.name), default=None)
+
+
 def image_input(session: Any, path: Path, default_side_px: int) -> tuple[str, tuple[int, int]]:
     """Check that a model takes one image [1,3,H,W] float32.
 

@@ -10,13 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gslts.semantics.network_input import CLIP_MEAN, CLIP_STD, normalize
 from gslts.semantics.pretrained import download_hint, inference_mode, load_pretrained
 from gslts.types import Bytes, Floats32
 
 EXAMPLE = "openai/clip-vit-large-patch14"
 """Public model named in messages; it is published with safetensors."""
-MEAN, STD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
-"""Normalization of CLIP's training images, RGB, 0 to 1."""
 MAX_IMAGES_PER_BATCH = 16
 """Number of images encoded at a time; bounds memory."""
 
@@ -67,10 +66,9 @@ class ClipEncoder:
         outputs = []
         with inference_mode(self._threads):
             for start in range(0, len(images), MAX_IMAGES_PER_BATCH):
-                batch = np.stack(images[start : start + MAX_IMAGES_PER_BATCH])
-                colors = batch.astype(np.float32) / 255
-                normalized = (colors - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
-                pixels = torch.from_numpy(np.ascontiguousarray(normalized.transpose(0, 3, 1, 2)))
+                batch = images[start : start + MAX_IMAGES_PER_BATCH]
+                inputs = [normalize(image, CLIP_MEAN, CLIP_STD) for image in batch]
+                pixels = torch.from_numpy(np.concatenate(inputs))
                 outputs.append(self._model.get_image_features(pixel_values=pixels).pooler_output)
             return self._normalize(outputs)
 

@@ -3,15 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol, Self
 
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
-from gslts.semantics.clip import ClipEncoder
+from gslts.io.onnx_file import find_onnx
 from gslts.semantics.masks import crop_to_mask, paint_labels
+from gslts.semantics.sam import MaskGenerator, PromptModel
 from gslts.semantics.source import MAX_LEVELS, Segments, relevance
 from gslts.semantics.vocabulary import UNRELATED
 from gslts.types import Bools, Bytes, Floats32
+
+
+class Encoder(Protocol):
+    """Embeds images and texts in one space, as CLIP does.
+
+    Attributes:
+        dims: Length of an embedding, D.
+        side_px: Side of the square images that it takes.
+    """
+
+    dims: int
+    side_px: int
+
+    def encode_images(self, images: Sequence[Bytes]) -> Floats32:
+        """Embed images.
+
+        Args:
+            images: S images [side_px,side_px,3] uint8, sRGB.
+
+        Returns:
+            [S,D] float32, of unit length.
+        """
+        ...
+
+    def encode_texts(self, texts: Sequence[str]) -> Floats32:
+        """Embed texts.
+
+        Args:
+            texts: T texts.
+
+        Returns:
+            [T,D] float32, of unit length.
+        """
+        ...
 
 
 class ClipSource:
@@ -35,10 +72,31 @@ class ClipSource:
 
     def __init__(
         self,
-        encoder: ClipEncoder,
+        encoder: Encoder,
         generator: Callable[[Bytes], list[Bools]] | None = None,
     ) -> None:
         self._encoder, self._generator = encoder, generator
+
+    @classmethod
+    def from_folders(cls, clip: Path, sam: Path | None = None, threads: int = 0) -> Self:
+        """Open the models: by onnxruntime where a folder has ONNX files, else by transformers.
+
+        Args:
+            clip: Folder of CLIP; see `OnnxClip` and `ClipEncoder`.
+            sam: Folder of SAM; see `open_onnx_sam` and `TransformersSam`. None if only texts are
+                embedded.
+            threads: 0 uses the default of onnxruntime and torch.
+
+        Returns:
+            The source.
+
+        Raises:
+            ImportError: A package is missing.
+            OSError: A file is missing; the message says how to get it.
+            ValueError: A file is damaged, or belongs to another model.
+        """
+        encoder = _open_clip(clip, threads)
+        return cls(encoder, None if sam is None else MaskGenerator(_open_sam(sam, threads)))
 
     @property
     def dims(self) -> int:
@@ -89,3 +147,23 @@ class ClipSource:
             text: Not used.
         """
         return ""
+
+
+def _open_clip(folder: Path, threads: int) -> Encoder:
+    if find_onnx(folder, "*.onnx"):
+        from gslts.semantics.clip_onnx import OnnxClip
+
+        return OnnxClip(folder, threads)
+    from gslts.semantics.clip import ClipEncoder
+
+    return ClipEncoder(folder, threads)
+
+
+def _open_sam(folder: Path, threads: int) -> PromptModel:
+    if find_onnx(folder, "*.onnx"):
+        from gslts.semantics.sam_onnx import open_onnx_sam
+
+        return open_onnx_sam(folder, threads)
+    from gslts.semantics.sam_transformers import TransformersSam
+
+    return TransformersSam(folder, threads)

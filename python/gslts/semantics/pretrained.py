@@ -15,8 +15,6 @@ CONFIG, WEIGHTS = "config.json", "model.safetensors"
 """File names of transformers."""
 SAM_EXAMPLE = "facebook/sam-vit-base"
 """Public SAM named in messages."""
-IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Normalization of ImageNet's images, RGB, 0 to 1, as in the training of SAM and DINOv2."""
 
 
 def load_pretrained(model_class: Any, folder: Path, example: str) -> Any:

@@ -68,10 +68,9 @@ def open_text_source(
         return DetectorSource(ClassNames(cause.names, embeddings))
     if folder is None:
         raise ValueError("the map does not record the folder of its CLIP: give --clip DIR")
-    from gslts.semantics.clip import ClipEncoder
     from gslts.semantics.clip_source import ClipSource
 
-    return ClipSource(ClipEncoder(folder, threads))
+    return ClipSource.from_folders(folder, threads=threads)
 
 
 def open_text_semantics(
@@ -131,8 +130,6 @@ def open_source(
         return DetectorSource.from_files(
             models["model"], models["names"], layout, models.get("text_model")
         )
-    from gslts.semantics.clip import ClipEncoder
     from gslts.semantics.clip_source import ClipSource
-    from gslts.semantics.sam import MaskGenerator
 
-    return ClipSource(ClipEncoder(models["clip"], threads), MaskGenerator(models["sam"], threads))
+    return ClipSource.from_folders(models["clip"], models["sam"], threads)

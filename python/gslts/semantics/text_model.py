@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gslts.io.onnx_file import first_line, open_onnx
+from gslts.semantics.tokenizer import TOKENIZER, open_tokenizer
 from gslts.types import Floats32
 
-TOKENIZER, MAX_TOKENIZER_BYTES = "tokenizer.json", 1 << 26
-"""File of the tokenizer, as Hugging Face tokenizers writes it, and its maximum size, 64 MiB."""
 MODELS = ("model.onnx", "onnx/model.onnx")
 """Files of the model, as sentence-transformers and optimum write it."""
 MAX_TOKENS = 64
@@ -34,26 +32,16 @@ class TextModel:
     """
 
     def __init__(self, folder: Path) -> None:
-        try:
-            from tokenizers import Tokenizer
-        except ImportError:
-            raise ImportError("text models need tokenizers: pip install 'gslts[words]'") from None
         path = next((folder / name for name in MODELS if (folder / name).is_file()), None)
-        tokenizer = folder / TOKENIZER
-        if path is None or not tokenizer.is_file():
+        if path is None or not (folder / TOKENIZER).is_file():
             raise FileNotFoundError(
                 f"{folder}: expected {MODELS[0]} and {TOKENIZER}, as sentence-transformers exports"
             )
-        if tokenizer.stat().st_size > MAX_TOKENIZER_BYTES:
-            raise ValueError(f"{tokenizer}: it is larger than {MAX_TOKENIZER_BYTES >> 20} MiB")
         self._path, self._session = path, open_onnx(path)
         self._inputs = [tensor.name for tensor in self._session.get_inputs()]
         if not set(self._inputs) <= set(INPUTS):
             raise ValueError(f"{path}: expected inputs {', '.join(INPUTS)}, got {self._inputs}")
-        try:
-            self._tokenizer: Any = Tokenizer.from_file(str(tokenizer))
-        except Exception as error:  # tokenizers raises a plain Exception.
-            raise ValueError(f"{tokenizer}: it is no tokenizer: {first_line(error)}") from None
+        self._tokenizer = open_tokenizer(folder)
         self._tokenizer.no_padding()
         self._tokenizer.enable_truncation(MAX_TOKENS)
 

@@ -25,6 +25,7 @@ from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicate
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_source, open_text_source
 from gslts.semantics.sam import MaskGenerator
+from gslts.semantics.sam_transformers import TransformersSam
 from gslts.semantics.source import CANONICAL
 from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
@@ -179,7 +180,7 @@ def test_masks_are_those_of_transformers(tmp_path: Path, size: tuple[int, int]) 
     tiny_models.write_sam(tmp_path)
     rgb = noise(*size) // 2
     rgb[: size[0] // 2, : size[1] // 3] += np.array((120, 20, 0), np.uint8)
-    found = MaskGenerator(tmp_path, threads=1)(rgb)
+    found = MaskGenerator(TransformersSam(tmp_path, threads=1))(rgb)
     known = masks_by_transformers(tmp_path, rgb)
     assert [masks.shape[1:] for masks in found] == [size] * 3
     assert sum(map(len, found)) > 20
@@ -188,7 +189,8 @@ def test_masks_are_those_of_transformers(tmp_path: Path, size: tuple[int, int]) 
         assert max_difference(masks, known[:, 2 - level]) < 1e-3
         if len(masks) > 5:
             assert max_difference(masks, wrong[:, 2 - level]) > 0.02
-    for masks, other in zip(found, MaskGenerator(tmp_path, threads=1)(rgb), strict=True):
+    again = MaskGenerator(TransformersSam(tmp_path, threads=1))(rgb)
+    for masks, other in zip(found, again, strict=True):
         np.testing.assert_array_equal(masks, other)
 
 

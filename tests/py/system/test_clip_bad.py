@@ -10,7 +10,7 @@ import pytest
 import tiny_models
 
 from gslts.semantics.clip import ClipEncoder
-from gslts.semantics.sam import MaskGenerator
+from gslts.semantics.sam_transformers import TransformersSam
 
 pytest.importorskip("transformers", reason="models need transformers")
 
@@ -112,7 +112,7 @@ def test_damaged_models_are_named_in_one_line(
     folder = tmp_path / "model"
     write, read = {
         "clip": (tiny_models.write_clip, ClipEncoder),
-        "sam": (tiny_models.write_sam, MaskGenerator),
+        "sam": (tiny_models.write_sam, TransformersSam),
     }[kind]
     write(folder)
     spoil(folder)
@@ -134,7 +134,7 @@ def test_weights_that_are_not_finite_are_named(tmp_path: Path) -> None:
 def test_a_sam_with_another_number_of_levels_is_rejected(tmp_path: Path) -> None:
     tiny_models.write_sam(tmp_path, num_multimask_outputs=2)
     with pytest.raises(ValueError, match="expected 3 masks per point, got 2"):
-        MaskGenerator(tmp_path)
+        TransformersSam(tmp_path)
 
 
 class Trap:
@@ -175,6 +175,6 @@ def test_without_transformers_the_message_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "transformers", None)
-    for read in (ClipEncoder, MaskGenerator):
+    for read in (ClipEncoder, TransformersSam):
         with pytest.raises(ImportError, match=r"pip install 'gslts\[models\]'"):
             read(tmp_path)
