@@ -32,8 +32,8 @@ LANGUAGES = {
 }
 """By language: what happens to a block. Others are errors, but for `{toctree}` and the like."""
 OTHER_PROGRAMS = {
-    "apt-get", "cd", "cmake", "colcon", "cp", "ctest", "dask", "mkdir", "perf", "ros2", "rosdep",
-    "rtabmap-export", "source", "unzip",
+    "apt-get", "cd", "cmake", "colcon", "cp", "ctest", "dask", "hf", "mkdir", "perf", "ros2",
+    "rosdep", "rtabmap-export", "source", "unzip",
 }  # fmt: skip
 """Programs whose arguments are not checked."""
 KEYWORDS = {"for", "do", "done"}
