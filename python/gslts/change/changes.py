@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from gslts._core.detect import Surface
+from gslts.core.boxes import box_iou
 from gslts.types import Bools, Floats
 
 Kind = Literal["addition", "removal", "relocation", "shift"]
@@ -107,7 +108,8 @@ class Change:
             0 to 1; 0 if the boxes are unknown.
         """
         sides = zip(self.boxes, other.boxes, strict=True)
-        return max((_iou(a, b) for a, b in sides if a is not None and b is not None), default=0.0)
+        known = [(a, b) for a, b in sides if a is not None and b is not None]
+        return max((box_iou(a, b) for a, b in known), default=0.0)
 
     def box_px(self, side: Side, width: int) -> tuple[int, int, int, int] | None:
         """Return the box around the object in the image; None if it is not visible at that side.
@@ -166,13 +168,6 @@ def box_of_mask(mask: Bools, width: int) -> tuple[int, int, int, int] | None:
     scale = width // mask.shape[1]
     low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
     return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
-
-
-def _iou(a: Box, b: Box) -> float:
-    low, high = np.maximum(a[0], b[0]), np.minimum(a[1], b[1])
-    common = np.prod(np.maximum(0, high - low))
-    union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
-    return float(common / union) if union > 0 else 0.0
 
 
 def _require_position(name: str, value: Any) -> None:

@@ -13,6 +13,7 @@ from gslts._core import detect as _core
 from gslts.change.changes import Box, Change
 from gslts.change.detection import Detection
 from gslts.change.unknown import surface_fault
+from gslts.core.boxes import common_volume, volume
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
@@ -307,9 +308,8 @@ def _is_part(first: Change, second: Change) -> bool:
     shares = []
     for a, b in zip(first.boxes, second.boxes, strict=True):
         if a is not None and b is not None:
-            common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
-            smaller = min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0]))
-            shares.append(common / smaller if smaller > 0 else 0.0)
+            smaller = min(volume(a), volume(b))
+            shares.append(common_volume(a, b) / smaller if smaller > 0 else 0.0)
     return min(shares, default=0.0) >= MIN_PART_SHARE
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 from scipy.optimize import linear_sum_assignment
 
+from gslts.core.boxes import box_iou
 from gslts.fleet.jobs import Add
 from gslts.semantics.class_names import ClassNames
 from gslts.semantics.detector_source import DetectorSource
@@ -227,23 +228,11 @@ def best_ious(boxes: list[Floats], instances: list[Instance]) -> list[float]:
     ious = np.zeros((len(boxes), len(instances)))
     for row, box in enumerate(boxes):
         for column, instance in enumerate(instances):
-            ious[row, column] = iou_of(box, np.stack([instance.low, instance.high]))
+            ious[row, column] = box_iou(box, np.stack([instance.low, instance.high]))
     rows, columns = linear_sum_assignment(ious, maximize=True)
     result = np.zeros(len(boxes))
     result[rows] = ious[rows, columns]
     return [float(iou) for iou in result]
-
-
-def iou_of(a: Floats, b: Floats) -> float:
-    """Return the intersection over union of two boxes [2,3], each a lower and an upper corner.
-
-    Args:
-        a: Lower and upper corner, m.
-        b: The same of the other box, m.
-    """
-    common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
-    union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
-    return float(common / union) if union > 0 else 0.0
 
 
 def _true_boxes(bench: BenchHome) -> dict[str, dict[str, Floats]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslts.semantics.queries import Instance
-from gslts_bench.queries.run import OURS, Found, Record, Variant, best_ious, iou_of
+from gslts_bench.queries.run import OURS, Found, Record, Variant, best_ious
 from gslts_bench.queries.tables import summarize, tabulate
 from gslts_bench.tables import tables_markdown
 
@@ -16,12 +16,6 @@ UNIT = np.array([[0.0, 0, 0], [1, 1, 1]])
 def instance(low: float, high: float) -> Instance:
     box = np.full(3, low), np.full(3, high)
     return Instance(*box, np.zeros((4, 2)), 0.7, np.arange(3))
-
-
-def test_iou_by_hand() -> None:
-    assert iou_of(UNIT, UNIT) == 1
-    assert iou_of(UNIT, UNIT + 0.5) == pytest.approx(0.125 / 1.875)
-    assert iou_of(UNIT, UNIT + 2) == 0
 
 
 def test_an_instance_serves_one_object() -> None:
