@@ -13,6 +13,7 @@ try:
     from std_msgs.msg import String
 
     from gslts.ros.goals import QUEUE, Goals
+    from gslts.ros.managed_node import make_node
     from gslts.ros.publishing import Publishing
     from gslts.ros.subscriptions import Subscriptions
 except ImportError as error:
@@ -43,7 +44,7 @@ class GsltsNode:
     """
 
     def __init__(self, config: NodeConfig, stop: threading.Event) -> None:
-        self.node = node = rclpy.create_node("gslts")
+        self.node = node = make_node("gslts", stop)
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
         received = Subscriptions(node, config, self._problems)

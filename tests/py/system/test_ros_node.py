@@ -33,6 +33,8 @@ pytestmark = [pytest.mark.system, pytest.mark.skipif(bool(MISSING), reason=MISSI
 FRAME = "camera_color_optical_frame"
 START_S = 1000
 MAX_SENDS = 30
+DEACTIVATE, ACTIVE_SHUTDOWN = 4, 7
+"""Transitions of lifecycle_msgs."""
 AWAY = Viewpoint(x=0.5, y=0.5, yaw_deg=225, horizon_deg=20)
 """Shows a corner of the room, and nothing that changes."""
 
@@ -216,6 +218,22 @@ def test_a_request_waits_for_the_first_frame(ros: Ros, tmp_path: Path) -> None:
         message_of(ros, "operation", "command: round")
         localized(ros, Driver(ros), frame)
         assert ros.wait("/goal_pose")["header"]["frame_id"] == "odom"
+
+
+def test_a_lifecycle_shutdown_ends_the_node(ros: Ros, tmp_path: Path) -> None:
+    """It is active from the start, and cannot be deactivated."""
+
+    def change_to(transition: int) -> bool:
+        kind, fields = "lifecycle_msgs/srv/ChangeState", {"id": transition}
+        return bool(ros.call("/gslts/change_state", kind, transition=fields)["success"])
+
+    with running(ros, tmp_path) as node:
+        state = ros.call("/gslts/get_state", "lifecycle_msgs/srv/GetState")
+        assert state["current_state"]["label"] == "active"
+        assert not change_to(DEACTIVATE)
+        assert ros.call("/gslts/get_state", "lifecycle_msgs/srv/GetState") == state
+        assert change_to(ACTIVE_SHUTDOWN)
+        assert node.wait(60) == 0
 
 
 def message_of(ros: Ros, name: str, part: str) -> str:
