@@ -34,13 +34,14 @@ class Poses(StrEnum):
     GIVEN = "given"
     CORRECT = "correct"
     ESTIMATE = "estimate"
+    UPRIGHT = "upright"
 
 
 PosesOption = Annotated[
     Poses,
     typer.Option(
         help="Poses of the frames: as the recording gives them, these corrected by loop closures, "
-        "or estimated from the images alone."
+        "estimated from the images alone, or as given, but turned so that z is up."
     ),
 ]
 LAYOUTS = "nerfstudio, 7-Scenes, TUM RGB-D, COLMAP, Record3D, Polycam, RTAB-Map, ScanNet or Replica"
@@ -113,7 +114,8 @@ def make(
     During the run, OUT.checkpoint.npz and OUT.trajectory.json hold the state for --resume.
 
     With --poses correct or estimate, frames that cannot be placed are named and left out. With
-    estimate, DATASET may also be a folder of photographs; OUT.colmap gets their poses.
+    estimate, DATASET may also be a folder of photographs; OUT.colmap gets their poses. A map of
+    upright poses has a world of its own: later frames need --localize.
 
     Each of several data sets gets a map in OUT, in a folder of its name; with --jobs and
     --scheduler, they are made at the same time, on one thread each unless --threads says more. The
@@ -144,6 +146,7 @@ def make(
     from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.report.summary import summary_of, warning_of, write_result
+    from gslts.trajectory.upright import describe_tilt
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
@@ -166,6 +169,11 @@ def make(
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
     opened = open_with_poses(dataset, poses, every, out, threads)
+    if tilt := describe_tilt([frame.camera for frame in opened.frames]):
+        typer.echo(
+            f"warning: {opened.name}: {tilt}; navigation needs z up: --poses upright turns it",
+            err=True,
+        )
     out.parent.mkdir(parents=True, exist_ok=True)
     result = _map_with_bar(opened, config, start, saved)
     write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
@@ -202,7 +210,7 @@ def echo_skipped(left_out: Iterable[str]) -> None:
 def open_with_poses(
     dataset: Path, poses: Poses, every: int = 1, out: Path | None = None, threads: int = 0
 ) -> OpenedDataset:
-    """Open a data set at given, corrected or estimated poses, with progress bars.
+    """Open a data set at given, corrected, estimated or turned poses, with progress bars.
 
     Args:
         dataset: Folder or file.
@@ -225,14 +233,16 @@ def open_with_poses(
     from gslts.store.trajectory_file import read_trajectory, write_trajectory
     from gslts.trajectory.estimate import estimate_poses
     from gslts.trajectory.photographs import is_photographs
+    from gslts.trajectory.upright import turn_upright
 
     if is_photographs(dataset):
         if poses is not Poses.ESTIMATE:
             raise ValueError(f"{dataset}: photographs without poses; --poses estimate finds them")
         return _open_photographs(dataset, every, out)
-    if poses is Poses.GIVEN:
+    if poses in (Poses.GIVEN, Poses.UPRIGHT):
         opened = open_dataset(dataset)
-        return replace(opened, frames=opened.frames[::every])
+        opened = replace(opened, frames=opened.frames[::every])
+        return opened if poses is Poses.GIVEN else turn_upright(opened)
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
     saved = None if out is None else beside(out, TRAJECTORY)

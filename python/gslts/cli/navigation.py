@@ -50,10 +50,12 @@ def semantic_map(
     from gslts.io.images import write_image
     from gslts.navigation.semantic_map import make_semantic_map
     from gslts.navigation.semantic_map_files import draw_semantic_map, write_map_server
+    from gslts.navigation.upright import require_upright
     from gslts.semantics.categories import Categories
     from gslts.semantics.registry import open_text_semantics
     from gslts.store.map_folder import read_map
 
+    require_upright(map_path)
     body = RobotBody(radius_m=radius, height_m=height, step_m=step)
     layers = None
     if category:
@@ -91,8 +93,8 @@ def go(
 ) -> None:
     """Navigate a robot to the nearest object that matches a text, and look at it.
 
-    Without --robot, navigation is tried in the map: the robot starts at its first camera and sees
-    renderings of the map.
+    Without --robot, navigation is tried in the map: the robot starts at its first camera, or on the
+    free floor nearest to it, and sees renderings of the map.
 
     With --watch, confident changes on the way become a version of the map, as with gslts run. If
     the robot did not find the object with the old map, it tries again with the new one.

@@ -25,7 +25,8 @@ from gslts.store.trajectory_file import TRAJECTORY
 CONTROL_CHARACTERS = re.compile("[\\x00-\\x1f\\x7f-\\x9f]")
 """Characters by which a text of a version could write anywhere on a terminal."""
 FORMAT_VERSION = 1
-"""Layout of a version object. Raise it with every change of the object or of a cause."""
+"""Layout of a version object. Raise it with the first change of the object or of a cause after a
+release."""
 
 FileName = Literal[
     "manifest", "cameras", "measurements", "trajectory", "landmarks", "autoencoder", "image"

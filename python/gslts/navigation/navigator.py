@@ -11,6 +11,7 @@ from gslts.core.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.trip import NavigationResult, Trip
+from gslts.navigation.upright import require_upright
 from gslts.navigation.viewpoints import Target
 from gslts.semantics.categories import Categories
 from gslts.semantics.queries import SemanticQueries
@@ -78,9 +79,10 @@ class Navigator:
         Raises:
             ImportError: transformers is missing.
             OSError: A file cannot be read.
-            ValueError: The map has no semantic features, or a file is damaged.
+            ValueError: The map has no semantic features, z is not up, or a file is damaged.
         """
         path = Path(path)
+        require_upright(path)
         codec, source = open_text_semantics(path, text_model, threads)
         return cls(read_map(path), codec, source, body, categories)
 

@@ -24,7 +24,8 @@ class MapRobot:
         gaussian_map: float32.
         semantic_map: Semantic map of `gaussian_map`, with its free space.
         body: Size of the robot.
-        camera: Intrinsics and start pose; its height stays.
+        camera: Intrinsics and start pose; its height stays. From where the body does not fit, the
+            robot is put down at the nearest position where it does.
         threads: Number of threads; 0 means one per hardware thread.
     """
 
@@ -42,6 +43,10 @@ class MapRobot:
         )
         self._positions = grid.centers(np.argwhere(room))
         self._map, self._camera, self._threads = gaussian_map, camera, threads
+        pose = camera.world_from_camera
+        offsets_m = np.linalg.norm(self._positions - pose[:2, 3], axis=1)
+        if offsets_m.min(initial=np.inf) > grid.cell_m:
+            self.move_towards(pose[:2, 3], float(np.arctan2(pose[1, 2], pose[0, 2])))
 
     def observe(self) -> RgbdFrame:
         """Render the map from the camera of the robot."""

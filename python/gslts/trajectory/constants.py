@@ -66,6 +66,11 @@ PRUNE_BELOW = 0.25
 
 MEAN_UP_WEIGHT = 0.02
 """Weight of the mean upward axis of the cameras against that of their x axes."""
+MAX_TILT_RAD = np.deg2rad(60)
+"""Maximum angle between z and the upward axis by the cameras of a world with z up: cameras that all
+look the same way tell their own tilt alone."""
+MAX_UP_FRAMES, UP_STRIDE_PX = 30, 8
+"""Maximum number of frames whose depths tell what is horizontal, and the step of their pixels."""
 UP_CONES_RAD = tuple(np.deg2rad((25, 12, 6, 3)))
 """Maximum angles between the upward axis and the normals of horizontal surfaces, step by step from
 that of the cameras."""

@@ -1,12 +1,72 @@
-"""World frame of an estimated trajectory: z up, by the cameras and the floor."""
+"""Worlds with z up, by the cameras and the floor."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from gslts.trajectory.constants import MEAN_UP_WEIGHT, NORMAL_RADIUS_M, UP_CONES_RAD, UP_VOXEL_M
+from gslts.core.camera import Camera, unproject
+from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import product, transform
+from gslts.datasets.dataset import Dataset
+from gslts.datasets.posed import with_poses
+from gslts.trajectory.constants import (
+    MAX_TILT_RAD,
+    MAX_UP_FRAMES,
+    MEAN_UP_WEIGHT,
+    NORMAL_RADIUS_M,
+    UP_CONES_RAD,
+    UP_STRIDE_PX,
+    UP_VOXEL_M,
+)
 from gslts.trajectory.open3d import import_open3d
 from gslts.types import Floats
+
+
+def describe_tilt(cameras: Sequence[Camera]) -> str:
+    """Tell if z is not up in a world, by its cameras.
+
+    Args:
+        cameras: Of a recording or a map.
+
+    Returns:
+        Such as "z is not up here: up is (0.0, -1.0, 0.1)"; empty if z may be up.
+    """
+    if not cameras:
+        return ""
+    up = _up_of(np.array([camera.world_from_camera for camera in cameras]))
+    if up[2] >= np.cos(MAX_TILT_RAD):
+        return ""
+    return f"z is not up here: up is ({', '.join(f'{number:.1f}' for number in up.round(1) + 0.0)})"
+
+
+def turn_upright(dataset: Dataset) -> Dataset:
+    """Turn the poses of a recording to a world with z up.
+
+    Args:
+        dataset: With poses.
+
+    Returns:
+        The recording in a world whose origin is the first camera, which looks along x.
+
+    Raises:
+        ImportError: Open3D is missing.
+        OSError: A frame cannot be read.
+        ValueError: There is no frame, or one is damaged.
+    """
+    if not dataset.frames:
+        raise ValueError(f"{dataset.name}: there is no frame with a pose")
+    step = -(-len(dataset.frames) // MAX_UP_FRAMES)
+    points = np.concatenate([_points_of(frame.read()) for frame in dataset.frames[::step]])
+    given = {frame.name: frame.camera.world_from_camera for frame in dataset.frames}
+    motion = upright_world(np.array(list(given.values())), points)
+    turned = with_poses(dataset, {name: product(motion, pose) for name, pose in given.items()})
+    if dataset.points is None:
+        return turned
+    moved = transform(motion, dataset.points.points)
+    return replace(turned, points=replace(dataset.points, points=moved))
 
 
 def upright_world(cameras: Floats, points: Floats) -> Floats:
@@ -31,6 +91,14 @@ def upright_world(cameras: Floats, points: Floats) -> Floats:
             up = near.mean(axis=0)
             up /= np.linalg.norm(up)
     return _frame_of(up, cameras[0])
+
+
+def _points_of(frame: RgbdFrame) -> Floats:
+    """Return points [P,3] of the depth image of a frame, in the world, m."""
+    depth = frame.depth[::UP_STRIDE_PX, ::UP_STRIDE_PX]
+    pixels = np.argwhere(depth > 0)
+    camera = frame.camera if frame.depth_camera is None else frame.depth_camera
+    return unproject(camera, UP_STRIDE_PX * pixels[:, ::-1] + 0.5, depth[depth > 0])
 
 
 def _up_of(cameras: Floats) -> Floats:

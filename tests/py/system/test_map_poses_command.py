@@ -67,6 +67,36 @@ def test_a_recording_without_poses(posed, unposed, tmp_path):
         assert quality[poses] == pytest.approx(manifest["test"][poses], rel=1e-5)
 
 
+def test_a_recording_whose_world_is_not_upright(posed, tmp_path):
+    """It is told, navigation needs another map, and the option makes that."""
+    content = json.loads((posed / "transforms.json").read_text())
+    turned = np.eye(4)[[0, 2, 1, 3]]  # Its z axis becomes y.
+    turned[2] *= -1
+    for frame in content["frames"]:
+        frame["transform_matrix"] = (turned @ frame["transform_matrix"]).tolist()
+    folder = tmp_path / "room"
+    folder.mkdir()
+    (folder / "transforms.json").write_text(json.dumps(content))
+    for name in ("images", "depth", "instances"):
+        (folder / name).symlink_to(posed / name)
+    tilt = "z is not up here: up is (0.0, 1.0, 0.0); navigation needs z up: "
+    done = run("map", "room", "--out", "map", *QUICK, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"warning: room: {tilt}--poses upright turns it\n" in done.stderr
+    done = run("semantic-map", "map", "--out", "plan", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == f"gslts: map: {tilt}make the map with gslts map --poses upright\n"
+    done = run("map", "room", "--poses", "upright", "--out", "turned", *QUICK, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "z is not up" not in done.stderr
+    done = run("semantic-map", "turned", "--out", "plan", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    manifest = json.loads((tmp_path / "turned" / "manifest.json").read_text())
+    done = run("eval", "turned", "room", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["refined"] == pytest.approx(manifest["test"]["refined"], 1e-5)
+
+
 def test_a_recording_with_poses_that_drift(posed, tmp_path):
     options = ("--out", "map", "--poses", "correct", *QUICK)
     done = run("map", posed, *options, cwd=tmp_path)

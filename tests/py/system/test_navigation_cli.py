@@ -12,8 +12,10 @@ from PIL import Image
 
 from gslts import Navigator, SemanticQueries
 from gslts.cli import app
+from gslts.core.camera import Camera, camera_from_fov, look_at
 from gslts.datasets import open_dataset
 from gslts.keeper.state import read_state
+from gslts.robots.in_map import MapRobot
 from gslts.store.map_folder import open_map, write_map_folder
 from gslts_sim import write_glb
 from gslts_sim.capture import capture
@@ -101,6 +103,25 @@ def test_without_a_robot_navigation_is_tried_in_the_map(folder: Path) -> None:
     assert (folder / "tried.png").exists()
     done = gslts("go", "map", "mug", "--watch", cwd=folder)
     assert done.stderr == "gslts: --watch needs a --robot: in the map, nothing changes\n"
+
+
+def test_a_robot_in_the_map_starts_on_free_floor(folder: Path) -> None:
+    """Recorded by hand, the first camera may be above a table, or off the map."""
+    navigator = Navigator.of_map(folder / "map", categories=["Mug"])
+    robot = MapRobot(navigator.gaussian_map, navigator.semantic_map, navigator.body, far_camera())
+    position = robot.pose()[:2, 3]
+    offsets_m = np.linalg.norm(robot.reachable_positions() - position, axis=1)
+    assert offsets_m.min() == 0
+    nearest_m = np.linalg.norm(robot.reachable_positions() - FAR[:2], axis=1).min()
+    assert np.linalg.norm(position - FAR[:2]) == pytest.approx(nearest_m)
+    assert robot.pose()[2, 3] == FAR[2]
+
+
+FAR = np.array([-3.0, 9.0, 1.1])
+
+
+def far_camera() -> Camera:
+    return camera_from_fov(160, 120, 1.5, look_at(FAR, FAR + np.array([1, -1, -0.2])))
 
 
 def test_a_robot_detects_changes_on_its_way(folder: Path) -> None:
