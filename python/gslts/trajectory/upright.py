@@ -36,7 +36,7 @@ def describe_tilt(cameras: Sequence[Camera]) -> str:
     """
     if not cameras:
         return ""
-    up = _up_of(np.array([camera.world_from_camera for camera in cameras]))
+    up = up_of(np.array([camera.world_from_camera for camera in cameras]))
     if up[2] >= np.cos(MAX_TILT_RAD):
         return ""
     return f"z is not up here: up is ({', '.join(f'{number:.1f}' for number in up.round(1) + 0.0)})"
@@ -82,7 +82,7 @@ def upright_world(cameras: Floats, points: Floats) -> Floats:
     Returns:
         [4,4] upright_from_world; the first camera looks along x, as far as it does not look up.
     """
-    up = _up_of(cameras)
+    up = up_of(cameras)
     normals = _normals(points) if len(points) else points
     normals *= np.where(normals @ up < 0, -1, 1)[:, None]
     for cone_rad in UP_CONES_RAD:
@@ -101,10 +101,13 @@ def _points_of(frame: RgbdFrame) -> Floats:
     return unproject(camera, UP_STRIDE_PX * pixels[:, ::-1] + 0.5, depth[depth > 0])
 
 
-def _up_of(cameras: Floats) -> Floats:
+def up_of(cameras: Floats) -> Floats:
     """Return the upward axis (3,) that is orthogonal to the x axes of cameras, where these differ.
 
     It minimizes the sum of (x u)^2 and of a small share of |u - m|^2, m the mean upward axis.
+
+    Args:
+        cameras: [K,4,4] world_from_camera, m, at least one.
     """
     x = cameras[:, :3, 0]
     mean_up = -cameras[:, :3, 1].mean(axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy import ndimage
 from gslts.core.camera import Camera, downscale, unproject
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.trajectory.upright import up_of
 from gslts.types import Bools, Floats, Ints
 
 CELL_M = 0.02
@@ -132,19 +133,8 @@ def surface_points(gaussian_map: GaussianMap, cameras: Sequence[Camera]) -> Surf
     cells = np.floor(every[:, :3] / SPACING_M).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     chosen = every[np.sort(first)]
-    return SurfacePoints(chosen[:, :3], chosen[:, 3:], up_of(cameras))
-
-
-def up_of(cameras: Iterable[Camera]) -> Floats:
-    """Return the unit vector (3,) upwards: who carries a camera holds its rows nearly level.
-
-    Args:
-        cameras: Cameras that look into several directions.
-    """
-    turns = np.array([camera.world_from_camera[:3, :3] for camera in cameras])
-    right, down = turns[:, :, 0], turns[:, :, 1].mean(axis=0)
-    up = np.linalg.eigh(right.T @ right)[1][:, 0]
-    return np.asarray(-up if up @ down > 0 else up)
+    up = up_of(np.array([camera.world_from_camera for camera in cameras]))
+    return SurfacePoints(chosen[:, :3], chosen[:, 3:], up)
 
 
 def find_planes(surface: SurfacePoints, rng: np.random.Generator) -> list[Plane]:
