@@ -10,8 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gslts.semantics.download import download_hint
 from gslts.semantics.network_input import CLIP_MEAN, CLIP_STD, normalize
-from gslts.semantics.pretrained import download_hint, inference_mode, load_pretrained
+from gslts.semantics.pretrained import inference_mode, load_pretrained
 from gslts.types import Bytes, Floats32
 
 EXAMPLE = "openai/clip-vit-large-patch14"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gslts.io.onnx_file import MAX_SIDE_PX, find_onnx, first_line, image_input, open_onnx
+from gslts.semantics.download import download_hint
 from gslts.semantics.network_input import CLIP_MEAN, CLIP_STD, Channels, normalize
 from gslts.semantics.tokenizer import TOKENIZER, open_tokenizer
 from gslts.types import Bytes, Floats32, Indices
@@ -104,7 +105,9 @@ class _Encoder:
     def __init__(self, folder: Path, pattern: str, kind: str, threads: int) -> None:
         path = find_onnx(folder, pattern)
         if path is None:
-            raise FileNotFoundError(f"{folder}: there is no {pattern}; {_hint(folder)}")
+            raise FileNotFoundError(
+                f"{folder}: there is no {pattern}; {download_hint(folder, EXAMPLE)}"
+            )
         self.path, self.session = path, open_onnx(path, threads)
         names = {tensor.name for tensor in self.session.get_outputs()}
         self._output = next((name for name in OUTPUTS[kind] if name in names), None)
@@ -217,9 +220,5 @@ def _read_json(folder: Path, name: str) -> dict[str, Any]:
 
 def _require(folder: Path, name: str) -> Path:
     if not (folder / name).is_file():
-        raise FileNotFoundError(f"{folder}: there is no {name}; {_hint(folder)}")
+        raise FileNotFoundError(f"{folder}: there is no {name}; {download_hint(folder, EXAMPLE)}")
     return folder / name
-
-
-def _hint(folder: Path) -> str:
-    return f"download one with a network connection: hf download {EXAMPLE} --local-dir {folder}"

@@ -10,8 +10,13 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.io.onnx_file import find_onnx
+from gslts.semantics.clip_onnx import EXAMPLE as CLIP_EXAMPLE
+from gslts.semantics.clip_onnx import OnnxClip
+from gslts.semantics.download import require_folder
 from gslts.semantics.masks import crop_to_mask, paint_labels
 from gslts.semantics.sam import MaskGenerator, PromptModel
+from gslts.semantics.sam_onnx import EXAMPLE as SAM_EXAMPLE
+from gslts.semantics.sam_onnx import open_onnx_sam
 from gslts.semantics.source import MAX_LEVELS, Segments, relevance
 from gslts.semantics.vocabulary import UNRELATED
 from gslts.types import Bools, Bytes, Floats32
@@ -150,9 +155,8 @@ class ClipSource:
 
 
 def _open_clip(folder: Path, threads: int) -> Encoder:
+    require_folder(folder, CLIP_EXAMPLE)
     if find_onnx(folder, "*.onnx"):
-        from gslts.semantics.clip_onnx import OnnxClip
-
         return OnnxClip(folder, threads)
     from gslts.semantics.clip import ClipEncoder
 
@@ -160,9 +164,8 @@ def _open_clip(folder: Path, threads: int) -> Encoder:
 
 
 def _open_sam(folder: Path, threads: int) -> PromptModel:
+    require_folder(folder, SAM_EXAMPLE)
     if find_onnx(folder, "*.onnx"):
-        from gslts.semantics.sam_onnx import open_onnx_sam
-
         return open_onnx_sam(folder, threads)
     from gslts.semantics.sam_transformers import TransformersSam
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import torch
 
+from gslts.semantics.download import download_hint, require_folder
+
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 """File names of transformers."""
 SAM_EXAMPLE = "facebook/sam-vit-base"
@@ -80,22 +82,8 @@ def inference_mode(threads: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def download_hint(folder: Path, example: str) -> str:
-    """Return the command that downloads a model.
-
-    Args:
-        folder: Where the model is missing.
-        example: Name of a public model.
-
-    Returns:
-        The end of an error message.
-    """
-    return f"download one with a network connection: hf download {example} --local-dir {folder}"
-
-
 def _check_files(folder: Path, model_class: Any, example: str) -> None:
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder; {download_hint(folder, example)}")
+    require_folder(folder, example)
     if not (folder / CONFIG).is_file():
         raise FileNotFoundError(f"{folder}: there is no {CONFIG}; {download_hint(folder, example)}")
     if (folder / WEIGHTS).is_file():

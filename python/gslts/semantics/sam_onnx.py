@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gslts.io.onnx_file import find_onnx, first_line, open_onnx
+from gslts.semantics.download import download_hint
 from gslts.semantics.network_input import (
     IMAGENET_MEAN,
     IMAGENET_STD,
@@ -53,8 +54,7 @@ def open_onnx_sam(folder: Path, threads: int = 1) -> PromptModel:
     if encoder is None or decoder is None:
         missing = "*encoder*.onnx" if encoder is None else "*decoder*.onnx"
         raise FileNotFoundError(
-            f"{folder}: there is no {missing} of a SAM; download one with a network connection: "
-            f"hf download {EXAMPLE} --local-dir {folder}"
+            f"{folder}: there is no {missing} of a SAM; {download_hint(folder, EXAMPLE)}"
         )
     sessions = _Session(encoder, threads), _Session(decoder, threads)
     for layout in (_TransformersLayout, _SamLayout, _EfficientSamLayout):
