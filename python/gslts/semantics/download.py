@@ -1,4 +1,4 @@
-"""Where models come from; gslts downloads none itself."""
+"""Messages about models that are missing; gslts downloads none itself."""
 
 from __future__ import annotations
 

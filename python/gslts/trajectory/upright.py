@@ -104,7 +104,7 @@ def _points_of(frame: RgbdFrame) -> Floats:
 def up_of(cameras: Floats) -> Floats:
     """Return the upward axis (3,) that is orthogonal to the x axes of cameras, where these differ.
 
-    It minimizes the sum of (x u)^2 and of a small share of |u - m|^2, m the mean upward axis.
+    It minimizes the sum of (x u)^2 and of a small share of (u - m)^2, m the mean upward axis.
 
     Args:
         cameras: [K,4,4] world_from_camera, m, at least one.
