@@ -23,7 +23,7 @@ def make_node(name: str, stop: threading.Event) -> Node:
     except ImportError:
         return rclpy.create_node(name)
 
-    class ManagedNode(LifecycleNode):
+    class ManagedNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types.
         def on_deactivate(self, _: Any) -> TransitionCallbackReturn:
             self.get_logger().warning("it cannot be deactivated; a shutdown ends it")
             return TransitionCallbackReturn.FAILURE

@@ -98,7 +98,8 @@ def _points_of(frame: RgbdFrame) -> Floats:
     depth = frame.depth[::UP_STRIDE_PX, ::UP_STRIDE_PX]
     pixels = np.argwhere(depth > 0)
     camera = frame.camera if frame.depth_camera is None else frame.depth_camera
-    return unproject(camera, UP_STRIDE_PX * pixels[:, ::-1] + 0.5, depth[depth > 0])
+    centers = (UP_STRIDE_PX * pixels[:, ::-1] + 0.5).astype(np.float64)
+    return unproject(camera, centers, depth[depth > 0].astype(np.float64))
 
 
 def up_of(cameras: Floats) -> Floats:
