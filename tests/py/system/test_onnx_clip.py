@@ -15,6 +15,7 @@ import tiny_models
 from gslts.datasets import open_dataset
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.clip_onnx import OnnxClip
+from gslts.semantics.clip_source import ClipSource
 from gslts.semantics.files import read_semantics
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
@@ -167,6 +168,17 @@ def test_bad_folders_are_named_in_one_line(
         OnnxClip(folder)
     assert str(raised.value).startswith(str(folder))
     assert "\n" not in str(raised.value)
+
+
+def test_a_missing_folder_is_told_without_transformers(
+    clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    nowhere = tmp_path / "nowhere"
+    with pytest.raises(FileNotFoundError, match=f"{nowhere}: no such folder; .*{HOW}"):
+        ClipSource.from_folders(nowhere)
+    with pytest.raises(FileNotFoundError, match=f"{nowhere}: no such folder; .*{HOW}"):
+        ClipSource.from_folders(clips / "onnx", nowhere)
 
 
 def test_models_that_do_not_belong_together_are_named(clips: Path, tmp_path: Path) -> None:
