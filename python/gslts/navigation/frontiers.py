@@ -106,7 +106,8 @@ class FrontierExplorer:
         """Return [M,M] the cells in which the centre of the robot can be, reachable or not."""
         known = self.floor.semantic_map
         radius_cells = self._body.radius_m / self.floor.grid.cell_m
-        return free_cells(known.explored, known.obstacles, radius_cells) & ~self._blocked
+        free = free_cells(known.explored, known.obstacles, radius_cells)
+        return (free | self.floor.driven) & ~self._blocked
 
     def _bridge_blind_floor(self, position: Floats) -> None:
         """Take the floor between the robot and the nearest that it sees for free."""

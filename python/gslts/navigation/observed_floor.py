@@ -28,6 +28,9 @@ FLOOR_TOLERANCE_M, FLOOR_TOLERANCE_SHARE = 0.03, 0.01
 pose that errs by half a degree raises what is farther by more."""
 MIN_OBSTACLE_POINTS = 4
 """Minimum number of points of an obstacle in a cell of one image; fewer are noise at an edge."""
+MAX_STEP_M = 0.5
+"""Maximum distance of two frames between which the robot drove in a straight line; from farther, it
+was carried."""
 MAX_EVIDENCE = 3
 """Maximum number of images by which a cell is free or occupied: after as many others, as when a
 person has passed, it changes."""
@@ -59,6 +62,8 @@ class ObservedFloor:
         shape = (self.grid.size, self.grid.size)
         # Number of images that show an obstacle, less those that show the floor.
         self._evidence, self._seen = np.zeros(shape, np.int8), np.zeros(shape, np.bool_)
+        self._driven = np.zeros(shape, np.uint8)
+        self._last: Floats | None = None
 
     def add(self, frame: RgbdFrame) -> None:
         """Add what a frame shows; a frame with a fault changes nothing.
@@ -82,6 +87,7 @@ class ObservedFloor:
         self._evidence += obstacles.astype(np.int8) - floor.astype(np.int8)
         np.clip(self._evidence, -MAX_EVIDENCE, MAX_EVIDENCE, out=self._evidence)
         self._evidence[own] = -MAX_EVIDENCE
+        self._drive_to(frame.camera.world_from_camera[:2, 3])
 
     def assume_free(self, position: Floats, radius_m: float) -> None:
         """Take the unknown cells around a position for free, such as those too near to be seen.
@@ -106,6 +112,19 @@ class ObservedFloor:
         x, y = (np.square(self.grid.origin[k] + middles_m - position[k]) for k in (0, 1))
         near: Bools = x[None] + y[:, None] <= radius_m**2
         return near
+
+    @property
+    def driven(self) -> Bools:
+        """Cells [M,M] where the centre of the robot was: free, however narrow they look."""
+        return self._driven > 0
+
+    def _drive_to(self, position: Floats) -> None:
+        last = self._last
+        if last is None or np.linalg.norm(position - last) > MAX_STEP_M:
+            last = position
+        ends = self.grid.cells(np.stack([last, position]))[:, ::-1].tolist()
+        cv2.line(self._driven, *ends, color=1)  # Columns, then rows.
+        self._last = position
 
     @property
     def semantic_map(self) -> SemanticMap:

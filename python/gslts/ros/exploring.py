@@ -22,8 +22,6 @@ upper walls are blurred in the map, and changes are reported there."""
 THIRDS = 3
 """Goals of a turn around: frames are remembered on the way from each to the next, and the shorter
 way to it is less than half a turn."""
-SPACING_M = 1.4
-"""Maximum distance of floor from the nearest position, m: a living room takes eight positions."""
 
 
 def explore(
@@ -50,7 +48,7 @@ def explore(
     """
     added_s = robot.observe().time_s
     floor = ObservedFloor(robot.pose()[:2, 3], FLOOR_M, body)
-    explorer = FrontierExplorer(floor, body, SPACING_M)
+    explorer = FrontierExplorer(floor, body)
     count = 0
     while not stop.is_set():
         for pitch_rad in PITCHES_RAD if can_tilt else PITCHES_RAD[:1]:

@@ -1,11 +1,12 @@
 """Exploration without a map: which floor is free, and goals until nothing is left to see."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gslts.core.camera import Camera, look_at
+from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
 from gslts.keeper.exploration import RINGS
@@ -201,3 +202,27 @@ def test_the_nearest_frontier_comes_first_and_no_goal_twice() -> None:
         if goal is not None and goal.is_frontier:  # It looks outwards, where nothing is known.
             outwards = goal.position / np.linalg.norm(goal.position)
             assert outwards @ [np.cos(goal.yaw_rad), np.sin(goal.yaw_rad)] > 0
+
+
+def test_the_path_of_the_robot_stays_free() -> None:
+    """Where it drove, it can drive back, whatever a gap looks like from afar."""
+
+    def seen_at(x_m: float) -> RgbdFrame:
+        frame = floor_frame(camera(0.0))
+        pose = frame.camera.world_from_camera.copy()
+        pose[0, 3] = x_m
+        return replace(frame, camera=at_pose(frame.camera, pose))
+
+    floor = observed(map(seen_at, (0.0, 0.4, 0.8)))
+    path = np.column_stack([np.linspace(0.02, 0.78, 20), np.full(20, 0.02)])
+    beside = path + np.array([0.0, 0.15])
+    assert at(floor.driven, floor, path).all()
+    assert not at(floor.driven, floor, beside).any()
+    for _ in range(8):
+        floor.add(floor_frame(camera(0.0), wall_x_m=0.5))
+    free = FrontierExplorer(floor, BODY).free()
+    assert at(free, floor, path).all()
+    assert not at(free, floor, beside).all()
+    # Carried away, it leaves no path.
+    floor.add(seen_at(-1.5))
+    assert not at(floor.driven, floor, np.array([[-0.7, 0.02]]))[0]
