@@ -122,8 +122,9 @@ class ObservedFloor:
         last = self._last
         if last is None or np.linalg.norm(position - last) > MAX_STEP_M:
             last = position
-        ends = self.grid.cells(np.stack([last, position]))[:, ::-1].tolist()
-        cv2.line(self._driven, *ends, color=1)  # Columns, then rows.
+        # Columns, then rows.
+        start, end = self.grid.cells(np.stack([last, position]))[:, ::-1].tolist()
+        cv2.line(self._driven, start, end, color=1)
         self._last = position
 
     @property

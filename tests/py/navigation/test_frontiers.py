@@ -205,7 +205,7 @@ def test_the_nearest_frontier_comes_first_and_no_goal_twice() -> None:
 
 
 def test_the_path_of_the_robot_stays_free() -> None:
-    """Where it drove, it can drive back, whatever a gap looks like from afar."""
+    """It can drive back where it drove, whatever a gap looks like from afar."""
 
     def seen_at(x_m: float) -> RgbdFrame:
         frame = floor_frame(camera(0.0))
