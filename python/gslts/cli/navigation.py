@@ -155,9 +155,11 @@ def _go_and_watch(
 
     from gslts.keeper.errand import run_errand
     from gslts.keeper.keeper import MapKeeper
+    from gslts.navigation.upright import require_upright
     from gslts.semantics.files import require_semantics
 
     require_semantics(map_path)
+    require_upright(map_path)
     with MapKeeper(map_path, log=tqdm.write) as keeper:
         if keeper.semantics is None:
             raise ValueError(f"{map_path}: --watch needs the models of the semantics of the map")

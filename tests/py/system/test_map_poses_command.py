@@ -68,7 +68,7 @@ def test_a_recording_without_poses(posed, unposed, tmp_path):
 
 
 def test_a_recording_whose_world_is_not_upright(posed, tmp_path):
-    """It is told, navigation needs another map, and the option makes that."""
+    """A warning names it, navigation rejects the map, and the option makes another one."""
     content = json.loads((posed / "transforms.json").read_text())
     turned = np.eye(4)[[0, 2, 1, 3]]  # Its z axis becomes y.
     turned[2] *= -1

@@ -97,7 +97,10 @@ def test_of_several_precisions_float32_is_read(clips: Path, tmp_path: Path) -> N
     copy_folder(clips / "onnx", tmp_path / "clip")
     for name in ("vision_model_fp16.onnx", "text_model_quantized.onnx"):
         (tmp_path / "clip" / "onnx" / name).write_bytes(b"not read")
-    OnnxClip(tmp_path / "clip")
+    found, expected = OnnxClip(tmp_path / "clip"), OnnxClip(clips / "onnx")
+    image = [noise(3)]
+    np.testing.assert_array_equal(found.encode_images(image), expected.encode_images(image))
+    np.testing.assert_array_equal(found.encode_texts(WORDS), expected.encode_texts(WORDS))
 
 
 def copy_folder(source: Path, target: Path) -> None:
@@ -170,7 +173,7 @@ def test_bad_folders_are_named_in_one_line(
     assert "\n" not in str(raised.value)
 
 
-def test_a_missing_folder_is_told_without_transformers(
+def test_a_missing_folder_is_named_without_transformers(
     clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "transformers", None)
