@@ -122,9 +122,9 @@ class ObservedFloor:
         last = self._last
         if last is None or np.linalg.norm(position - last) > MAX_STEP_M:
             last = position
-        # Columns, then rows.
+        # Columns, then rows; connected by edges, as paths do not pass between diagonal cells.
         start, end = self.grid.cells(np.stack([last, position]))[:, ::-1].tolist()
-        cv2.line(self._driven, start, end, color=1)
+        cv2.line(self._driven, start, end, color=1, lineType=cv2.LINE_4)
         self._last = position
 
     @property

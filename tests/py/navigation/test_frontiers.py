@@ -12,6 +12,7 @@ from gslts.core.robot_body import RobotBody
 from gslts.keeper.exploration import RINGS
 from gslts.navigation.frontiers import REPEAT_M, SPACING_M, FrontierExplorer
 from gslts.navigation.observed_floor import ObservedFloor
+from gslts.navigation.planner import distance_field_m
 from gslts.types import Bools, Floats
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import open_home
@@ -204,14 +205,15 @@ def test_the_nearest_frontier_comes_first_and_no_goal_twice() -> None:
             assert outwards @ [np.cos(goal.yaw_rad), np.sin(goal.yaw_rad)] > 0
 
 
+def seen_at(x_m: float, y_m: float = 0.0) -> RgbdFrame:
+    frame = floor_frame(camera(0.0))
+    pose = frame.camera.world_from_camera.copy()
+    pose[:2, 3] = x_m, y_m
+    return replace(frame, camera=at_pose(frame.camera, pose))
+
+
 def test_the_path_of_the_robot_stays_free() -> None:
     """It can drive back where it drove, whatever a gap looks like from afar."""
-
-    def seen_at(x_m: float) -> RgbdFrame:
-        frame = floor_frame(camera(0.0))
-        pose = frame.camera.world_from_camera.copy()
-        pose[0, 3] = x_m
-        return replace(frame, camera=at_pose(frame.camera, pose))
 
     floor = observed(map(seen_at, (0.0, 0.4, 0.8)))
     path = np.column_stack([np.linspace(0.02, 0.78, 20), np.full(20, 0.02)])
@@ -226,3 +228,11 @@ def test_the_path_of_the_robot_stays_free() -> None:
     # Carried away, it leaves no path.
     floor.add(seen_at(-1.5))
     assert not at(floor.driven, floor, np.array([[-0.7, 0.02]]))[0]
+
+
+def test_a_robot_that_drove_askew_can_drive_back() -> None:
+    """Paths do not pass between cells that touch at a corner."""
+    floor = observed(seen_at(share, 0.7 * share) for share in (0.0, 0.4, 0.8))
+    end = floor.cells_within(np.array([0.8, 0.56]), floor.grid.cell_m)
+    lengths_m = distance_field_m(floor.driven, end, floor.grid.cell_m)
+    assert np.isfinite(lengths_m[floor.driven]).all()
