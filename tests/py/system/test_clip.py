@@ -100,6 +100,58 @@ def test_text_embeddings_are_those_of_transformers(tmp_path: Path) -> None:
     assert source.encode([]).shape == (0, source.dims)
 
 
+EARLY_FIELDS = {
+    "_name_or_path": "",
+    "add_cross_attention": False,
+    "architectures": None,
+    "bad_words_ids": None,
+    "chunk_size_feed_forward": 0,
+    "id2label": {"0": "LABEL_0", "1": "LABEL_1"},
+    "is_encoder_decoder": False,
+    "length_penalty": 1.0,
+    "max_length": 20,
+    "num_beams": 1,
+    "output_attentions": False,
+    "pruned_heads": {},
+    "return_dict": True,
+    "tokenizer_class": None,
+    "torch_dtype": None,
+    "torchscript": False,
+    "transformers_version": "4.29.0.dev0",
+    "use_bfloat16": False,
+}
+"""Fields that config.json of openai/clip-vit-base-patch32 and facebook/sam-vit-huge has in each of
+its parts, as it was published."""
+
+
+def rewrite_config(folder: Path, parts: tuple[str, ...], **values: object) -> None:
+    """Write `config.json` as the early ones are: with `EARLY_FIELDS` in each part."""
+    config = json.loads((folder / "config.json").read_text())
+    for part in parts:
+        config[part] = {**config[part], **EARLY_FIELDS, **values}
+        config[f"{part}_dict"] = None
+    config |= {"_commit_hash": None, "transformers_version": None, "torch_dtype": "float32"}
+    (folder / "config.json").write_text(json.dumps(config))
+
+
+def test_configurations_as_they_were_published(tmp_path: Path) -> None:
+    clip, sam = tmp_path / "clip", tmp_path / "sam"
+    tiny_models.write_clip(clip)
+    tiny_models.write_sam(sam)
+    image = noise(32, 32)
+    embeddings = ClipEncoder(clip, threads=1).encode_images([image])
+    texts = ClipEncoder(clip, threads=1).encode_texts(["red"])
+    before = TransformersSam(sam, threads=1).embed(image).values
+    rewrite_config(clip, ("text_config", "vision_config"))
+    rewrite_config(
+        sam, ("mask_decoder_config", "prompt_encoder_config", "vision_config"), model_type=""
+    )
+    encoder = ClipEncoder(clip, threads=1)
+    np.testing.assert_array_equal(encoder.encode_images([image]), embeddings)
+    np.testing.assert_array_equal(encoder.encode_texts(["red"]), texts)
+    np.testing.assert_array_equal(TransformersSam(sam, threads=1).embed(image).values, before)
+
+
 def test_the_number_of_threads_is_restored(tmp_path: Path) -> None:
     import torch
 
