@@ -129,7 +129,8 @@ def rewrite_config(folder: Path, parts: tuple[str, ...], **values: object) -> No
     config = json.loads((folder / "config.json").read_text())
     for part in parts:
         config[part] = {**config[part], **EARLY_FIELDS, **values}
-        config[f"{part}_dict"] = None
+        if config["model_type"] == "clip":
+            config[f"{part}_dict"] = None
     config |= {"_commit_hash": None, "transformers_version": None, "torch_dtype": "float32"}
     (folder / "config.json").write_text(json.dumps(config))
 
