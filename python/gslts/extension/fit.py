@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslts.core.camera import Camera, downscale, shift_origin
+from gslts.core.farthest_points import farthest_points
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.extension.constants import (
@@ -27,7 +28,6 @@ from gslts.mapping.observation import Observation
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats
-from gslts.update.targets import farthest_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,8 @@ import numpy as np
 
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
+from gslts.semantics.clusters import cell_keys, connected_components, dbscan
+from gslts.semantics.prototypes import Prototypes, meaningful_rows
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import Codec, SemanticSource
@@ -24,14 +24,8 @@ from gslts.types import Floats, Floats32, Indices
 
 MAX_CHARACTERS = 300
 """Maximum length of a query; CLIP reads 77 tokens."""
-SAMPLE_SIZE = 25_000
-"""Number of Gaussians of which those are scored first that are not transparent and have features,
-evenly sampled as in GS-LTS: about 20,000. All Gaussians near a match are scored then, so that the
-number bounds only how small a found object may be."""
-NEIGHBOURHOOD_M = 0.25
-"""Edge of the cells around matches of the sample in which all Gaussians are scored."""
-MIN_OPACITY = 0.3
-"""Minimum opacity of scored Gaussians; others are hardly visible."""
+SLACK = 0.05
+"""Relevance of a prototype below the threshold at which Gaussians of its chunk are scored."""
 LINK_M = 0.07
 """Radius of DBSCAN: distance up to which matching Gaussians belong to one object."""
 MIN_NEIGHBOURS, LINK_SPACINGS = 4, 3.0
@@ -58,8 +52,6 @@ MIN_FOOTPRINT_OVERLAP = 0.7
 """Minimum overlap of the footprints of two such pieces, as a share of the smaller one's."""
 TRIM = (0.5, 99.5)
 """Percentiles of the Gaussians of an object between which its box is; others are outliers."""
-NEIGHBOURS = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
-"""Steps of the key of a cell to it and its 26 neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +107,7 @@ class SemanticQueries:
     def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
         self.gaussian_map, self._source = gaussian_map, source
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
-        points = [np.zeros((0, 3))]
-        features: list[Floats32] = [np.zeros((0, gaussian_map.feature_dims), np.float32)]
-        self._step = step = max(1, gaussian_map.size // SAMPLE_SIZE)
-        for _, part in gaussian_map.parts():
-            sample = _scored(part, np.arange(part.size))[::step]
-            points.append(part.means[sample].astype(np.float64))
-            features.append(part.features[sample].astype(np.float32, copy=False))
-        # Relative to the origin of the map, to which cells are aligned.
-        self._points, self._features = np.concatenate(points), np.concatenate(features)
+        self._prototypes = Prototypes.of_map(gaussian_map)
 
     @classmethod
     def of_map(
@@ -154,12 +138,15 @@ class SemanticQueries:
 
         A text reaches the score that enough Gaussians for an object have.
         """
-        source, size = self._source, len(self._features)
-        if not source.unrelated or size == 0:
+        source, prototypes = self._source, self._prototypes
+        if not source.unrelated or len(prototypes.counts) == 0:
             return source.threshold
-        scores = self._scorer.scores(source.encode(source.unrelated), self._features)
-        enough = min(max(1, MIN_GAUSSIANS // self._step), size)
-        reached = np.partition(scores, size - enough, axis=1)[:, size - enough]
+        scores = self._scorer.scores(source.encode(source.unrelated), prototypes.features)
+        order = np.argsort(-scores, axis=1)
+        counts = np.cumsum(prototypes.counts[order], axis=1)
+        enough = np.minimum(MIN_GAUSSIANS, counts[:, -1:])
+        last = (counts >= enough).argmax(axis=1)
+        reached = np.take_along_axis(scores, order, axis=1)[np.arange(len(last)), last]
         return max(source.threshold, float(np.quantile(reached, REJECTED_SHARE)))
 
     def relevance(self, text: str) -> Floats32:
@@ -176,7 +163,7 @@ class SemanticQueries:
         """
         result, query = np.zeros(self.gaussian_map.size, np.float32), self._encode(text)
         for rows, part in self.gaussian_map.parts():
-            scored = _scored(part, np.arange(part.size))
+            scored = meaningful_rows(part)
             result[rows.start + scored] = self._scorer.scores(query, part.features[scored])[0]
         return result
 
@@ -206,48 +193,28 @@ class SemanticQueries:
         Raises:
             ValueError: The text is empty.
         """
-        query, threshold = self._encode(text), self.threshold
-        is_match = self._scorer.scores(query, self._features)[0] >= threshold
-        if not is_match.any():
-            return []
-        rows, points, features = self._neighbourhood(self._points[is_match])
-        scores = self._scorer.scores(query, features)[0]
-        matching = scores >= threshold
-        return self._instances(rows[matching], points[matching], scores[matching])
+        rows, points, scores = self._matches(self._encode(text))
+        return self._instances(rows, points, scores) if len(rows) else []
+
+    def _matches(self, query: Floats32) -> tuple[Indices, Floats, Floats32]:
+        """Return rows, points [K,3] and scores of the Gaussians that match an embedding [1,D]."""
+        threshold, prototypes = self.threshold, self._prototypes
+        rows, points = [np.zeros(0, np.intp)], [np.zeros((0, 3))]
+        scores = [np.zeros(0, np.float32)]
+        close = self._scorer.scores(query, prototypes.features)[0] >= threshold - SLACK
+        for chunk in np.unique(prototypes.chunks[close]) * CHUNK_SIZE:
+            end = min(chunk + CHUNK_SIZE, self.gaussian_map.size)
+            part = self.gaussian_map.part(slice(chunk, end))
+            own = meaningful_rows(part)
+            found = self._scorer.scores(query, part.features[own])[0]
+            own, found = own[found >= threshold], found[found >= threshold]
+            rows.append(chunk + own)
+            points.append(part.means[own].astype(np.float64))  # Relative to the origin.
+            scores.append(found)
+        return np.concatenate(rows), np.concatenate(points), np.concatenate(scores)
 
     def _encode(self, text: str) -> Floats32:
         return self._source.encode([checked_text(text)])
-
-    def _neighbourhood(self, points: Floats) -> tuple[Indices, Floats, Floats32]:
-        """Return rows, points and features of all scored Gaussians around some points.
-
-        Those in the cells of the points, and in the 26 neighbours of these.
-        """
-        cells = np.unique(np.floor(points / NEIGHBOURHOOD_M), axis=0)
-        keys = np.unique(cell_keys(points, NEIGHBOURHOOD_M))
-        keys = np.unique(keys[:, None] + NEIGHBOURS)
-        rows: list[Indices] = []
-        near: list[Floats] = []
-        features: list[Floats32] = []
-        for chunk in self._chunks_near(cells):
-            first = chunk * CHUNK_SIZE
-            end = min(first + CHUNK_SIZE, self.gaussian_map.size)
-            part = self.gaussian_map.part(slice(first, end))
-            cells_of = cell_keys(part.means.astype(np.float64), NEIGHBOURHOOD_M)
-            own = _scored(part, np.flatnonzero(np.isin(cells_of, keys)))
-            rows.append(first + own)
-            near.append(part.means[own].astype(np.float64))
-            features.append(part.features[own].astype(np.float32, copy=False))
-        return np.concatenate(rows), np.concatenate(near), np.concatenate(features)
-
-    def _chunks_near(self, cells: Floats) -> Indices:
-        """Return the chunks of the map with Gaussians in cells [K,3] or beside them."""
-        bounds = self.gaussian_map.bounds
-        if bounds is None:
-            return np.arange(-(-self.gaussian_map.size // CHUNK_SIZE))
-        low, high = (cells - 1) * NEIGHBOURHOOD_M, (cells + 2) * NEIGHBOURHOOD_M
-        near = [((low <= box[1]) & (high >= box[0])).all(axis=1).any() for box in bounds.boxes()]
-        return np.flatnonzero(near)
 
     def _instances(self, rows: Indices, points: Floats, scores: Floats32) -> list[Instance]:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
@@ -265,8 +232,7 @@ class SemanticQueries:
             origin = self.gaussian_map.origin
             near = self.gaussian_map.rows_in_box(low + origin, high + origin)
             others = self.gaussian_map.select(np.setdiff1d(near, rows, assume_unique=True))
-            scored = _scored(others, np.arange(others.size))
-            means = others.means[scored].astype(np.float64)
+            means = others.means[meaningful_rows(others)].astype(np.float64)
             return int(((means > low) & (means < high)).all(axis=1).sum())
 
         groups = _join_pieces([points[piece] for piece in pieces], count_between)
@@ -378,10 +344,3 @@ def _join_pieces(
             pairs.append((a, b))
     roots = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
     return [[int(piece) for piece in np.flatnonzero(roots == root)] for root in np.unique(roots)]
-
-
-def _scored(part: GaussianMap, rows: Indices) -> Indices:
-    """Return those rows whose Gaussians are neither transparent nor without features."""
-    opacities = 1 / (1 + np.exp(-part.logit_opacities[rows]))
-    rows = rows[opacities >= MIN_OPACITY]
-    return rows[part.features[rows].any(axis=1)]

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 
 from gslts.core.camera import Camera
+from gslts.core.farthest_points import farthest_points
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.rendering.view_range import view_range_m
-from gslts.types import Bools, Floats, Floats32
+from gslts.types import Bools, Floats32
 from gslts.update.config import RefineConfig
 from gslts.update.region import Region
 from gslts.update.views import View
@@ -141,27 +142,6 @@ def spread_cameras(
     ]
     positions = np.array([camera.world_from_camera[:3, 3] for camera in seeing]).reshape(-1, 3)
     return [seeing[row] for row in farthest_points(positions, count)]
-
-
-def farthest_points(positions: Floats, count: int) -> list[int]:
-    """Select positions as different as possible, by farthest point sampling.
-
-    Args:
-        positions: [P,3] m.
-        count: Maximum number.
-
-    Returns:
-        Their rows; the first one is 0.
-    """
-    nearest_m = np.full(len(positions), np.inf)
-    chosen: list[int] = []
-    while len(chosen) < min(count, len(positions)):
-        best = int(np.argmax(nearest_m))
-        chosen.append(best)
-        distances_m = np.linalg.norm(positions - positions[best], axis=1)
-        nearest_m = np.minimum(nearest_m, distances_m)
-        nearest_m[best] = -1  # Below 0, the distance of others at the same position.
-    return chosen
 
 
 def region_pixels(view: View, regions: Sequence[Region], margin_px: int) -> Bools:

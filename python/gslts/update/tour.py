@@ -13,13 +13,13 @@ import numpy as np
 
 from gslts.change.detection import Detection
 from gslts.change.detector import ChangeDetector
+from gslts.core.farthest_points import farthest_points
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import FAR_M, GIVE_UP_LOG_ODDS, evidence_of, is_visible
 from gslts.update.region import Region
-from gslts.update.targets import farthest_points
 
 MIN_DISTANCE_M = 0.7
 """Minimum distance of the camera from the centre of a region on the floor, m; nearer, it measures

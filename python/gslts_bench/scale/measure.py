@@ -64,9 +64,8 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
         relocalizer = Relocalizer(gaussian_map, landmarks, RelocalizationConfig(threads=1))
         found = _often(seconds, "localize", lambda: relocalizer.localize(frame))
         autoencoder = Path(job["autoencoder"])
-        queries = SemanticQueries(
-            gaussian_map, read_autoencoder(autoencoder, autoencoder.stem), Oracle()
-        )
+        codec = read_autoencoder(autoencoder, autoencoder.stem)
+        queries = _once(seconds, "words", lambda: SemanticQueries(gaussian_map, codec, Oracle()))
         objects = _often(seconds, "query", lambda: queries.find(job["query"]))
         config = UpdateConfig(threads=1)
         collected_s = [time.process_time()]

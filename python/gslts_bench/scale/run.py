@@ -34,7 +34,17 @@ from gslts_sim.task import Task
 
 MAX_TASKS = 20
 """Maximum number of changes of which one must be detected."""
-STAGES = ("open", "index", "first detect", "detect", "localize", "query", "update", "commit")
+STAGES = (
+    "open",
+    "index",
+    "first detect",
+    "detect",
+    "localize",
+    "words",
+    "query",
+    "update",
+    "commit",
+)
 """Stages in the order of the table."""
 
 

@@ -12,8 +12,9 @@ from gslts_bench.tables import Table
 NOTE = (
     "CPU time of one thread, and the maximum memory of the process; in brackets the factor over "
     "the smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
-    "renders the training cameras that see what changed. `update` is all after the robot's "
-    "tour; `commit` includes landmarks and the image."
+    "renders the training cameras that see what changed. `words` prepares queries, and reads all "
+    "of the map; `query` finds one word in each room. `update` is all after the robot's tour; "
+    "`commit` includes landmarks and the image."
 )
 """Sentence below a table."""
 

@@ -35,7 +35,7 @@ def map_of(*parts: tuple[str | None, np.ndarray]) -> GaussianMap:
     features = [
         np.zeros((len(points), 8), np.float32)
         if name is None
-        else autoencoder().encode(np.repeat(Oracle().encode([name]), len(points), axis=0))
+        else np.repeat(autoencoder().encode(Oracle().encode([name])), len(points), axis=0)
         for name, points in parts
     ]
     size = len(points)
@@ -127,13 +127,11 @@ def test_pieces_side_by_side_are_not_joined() -> None:
     assert len(queries(left, right).find("lamp")) == 2
 
 
-def test_sparse_sampling_does_not_change_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    parts = (WALL, ("Mug", FIRST), ("Sofa", block((0, 1, 0), (0.5, 1.3, 0.3))))
-    (expected,) = queries(*parts).find("mug")
-    monkeypatch.setattr(queries_module, "SAMPLE_SIZE", 300)
-    (found,) = queries(*parts).find("mug")
-    np.testing.assert_array_equal(found.rows, expected.rows)
-    assert found.score == pytest.approx(expected.score)
+def test_a_small_object_of_a_large_map_is_found() -> None:
+    points = np.random.default_rng(0).uniform((-20, -20, 0), (20, 20, 3), (600_000, 3))
+    parts = (("Wall", points[:300_001]), ("Mug", FIRST[:14]), ("Wall", points[300_001:]))
+    (instance,) = queries(*parts).find("mug")
+    np.testing.assert_array_equal(instance.rows, 300_001 + np.arange(14))
 
 
 class Unsure(Oracle):
