@@ -43,10 +43,10 @@ GIVEN_POINTS = 100.0
 thousands."""
 
 MAX_DRIFT_M, MAX_DRIFT_SHARE = 0.15, 0.05
-MAX_DRIFT_RAD, MAX_DRIFT_RAD_PER_M = 0.1, 0.02
+MAX_DRIFT_RAD, MAX_DRIFT_RAD_PER_M, MAX_DRIFT_OF_TURNS = 0.1, 0.02, 0.03
 """Maximum difference between a motion and that of an odometry: m, plus a share of the path between
-the frames, and rad, plus rad per metre of the path. Wheel odometry drifts by 1 to 2 % of the path
-and by about half a degree per metre."""
+the frames, and rad, plus rad per metre of the path, plus a share of all turns on it. Wheel odometry
+drifts by 1 to 2 % of the path, by about half a degree per metre, and by about 1 % of its turns."""
 
 LOOP_CANDIDATES = 8
 """Number of earlier keyframes that a keyframe is registered with."""

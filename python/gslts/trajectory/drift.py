@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from gslts.core.se3 import pose_distance, relative
 from gslts.trajectory.constants import (
     MAX_DRIFT_M,
+    MAX_DRIFT_OF_TURNS,
     MAX_DRIFT_RAD,
     MAX_DRIFT_RAD_PER_M,
     MAX_DRIFT_SHARE,
@@ -25,9 +27,8 @@ class DriftingPoses:
 
     def __init__(self, poses: Sequence[Floats]) -> None:
         self._poses = poses
-        centres = np.array([pose[:3, 3] for pose in poses]).reshape(-1, 3)
-        steps_m = np.linalg.norm(np.diff(centres, axis=0), axis=1)
-        self._path_m = np.concatenate([[0], np.cumsum(steps_m)])
+        steps = [pose_distance(before, after) for before, after in pairwise(poses)]
+        self._path_m, self._turned_rad = np.cumsum([(0.0, 0.0), *steps], axis=0).T
 
     def motion(self, a: int, b: int) -> Floats:
         """Return the motion of the odometry between two frames, a_from_b [4,4].
@@ -57,7 +58,8 @@ class DriftingPoses:
         """
         metres, turn_rad = pose_distance(self.motion(a, b), a_from_b)
         path_m = self.path_m(a, b)
-        return (
-            metres <= MAX_DRIFT_M + MAX_DRIFT_SHARE * path_m
-            and turn_rad <= MAX_DRIFT_RAD + MAX_DRIFT_RAD_PER_M * path_m
+        of_turns_rad = MAX_DRIFT_OF_TURNS * abs(self._turned_rad[b] - self._turned_rad[a])
+        return bool(
+            metres <= MAX_DRIFT_M + (MAX_DRIFT_SHARE + of_turns_rad) * path_m
+            and turn_rad <= MAX_DRIFT_RAD + MAX_DRIFT_RAD_PER_M * path_m + of_turns_rad
         )

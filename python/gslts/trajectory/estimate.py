@@ -143,7 +143,7 @@ def _close_loops(
     def register(pair: tuple[int, int]) -> Motion | None:
         return register_frames(keyframes[pair[0]], keyframes[pair[1]])
 
-    pairs = find_loops(keyframes)
+    pairs = find_loops(keyframes, threads)
     motions = map_in_threads(register, pairs, threads)
     for (later, earlier), motion in zip(show_loops(pairs), motions, strict=True):
         if motion is not None:

@@ -34,5 +34,5 @@ def write_plot(found: Mapping[str, Any], path: Path) -> None:
     for axes in (times, memory):
         axes.grid(visible=True, which="both", alpha=0.25)
         if axes.has_data():
-            axes.legend(fontsize=8)
+            axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
     figure.savefig(path, dpi=110)
