@@ -12,13 +12,16 @@ from gslts.navigation.frontiers import FrontierExplorer
 from gslts.navigation.observed_floor import ObservedFloor
 from gslts.ros.frame_memory import FrameMemory
 from gslts.ros.robot import RosRobot, yaw_of
+from gslts.types import Floats
 
 FLOOR_M = 0.0
 """Height of the floor in the frame of the poses, m: that of the base at the start."""
-PITCHES_RAD = tuple(np.deg2rad((20.0, -10.0)).tolist())
+DOWN_RAD, UP_RAD = np.deg2rad(20.0), np.deg2rad(-10.0)
 """Angles of the camera below the horizon in a turn around, rad: the first shows floor and
 furniture, the second the walls above, as `gslts.keeper.exploration.RINGS`. With the first alone,
 upper walls are blurred in the map, and changes are reported there."""
+UP_APART_M = 2.0
+"""Distance between positions of the second turn, m: the walls above are seen from afar."""
 THIRDS = 3
 """Goals of a turn around: frames are remembered on the way from each to the next, and the shorter
 way to it is less than half a turn."""
@@ -49,10 +52,14 @@ def explore(
     added_s = robot.observe().time_s
     floor = ObservedFloor(robot.pose()[:2, 3], FLOOR_M, body)
     explorer = FrontierExplorer(floor, body)
+    looked_up: list[Floats] = []
     count = 0
     while not stop.is_set():
-        for pitch_rad in PITCHES_RAD if can_tilt else PITCHES_RAD[:1]:
-            _turn_around(robot, pitch_rad, stop)
+        here = robot.pose()[:2, 3]
+        _turn_around(robot, DOWN_RAD, stop)
+        if can_tilt and all(np.linalg.norm(here - there) > UP_APART_M for there in looked_up):
+            _turn_around(robot, UP_RAD, stop)
+            looked_up.append(here)
         for frame in memory.since(added_s):
             floor.add(frame)
             added_s = max(added_s, frame.time_s + 1e-6)
@@ -62,7 +69,7 @@ def explore(
         count += 1
         x, y = goal.position.tolist()
         log(f"exploring: position {count} at ({x:.2f}, {y:.2f}) m")
-        if not robot.move_towards(goal.position, goal.yaw_rad, PITCHES_RAD[0]):
+        if not robot.move_towards(goal.position, goal.yaw_rad, DOWN_RAD):
             explorer.block(goal.position)
 
 

@@ -14,9 +14,9 @@ from gslts.types import Floats32, Indices
 MIN_OPACITY = 0.3
 """Minimum opacity of Gaussians with a meaning; others are hardly visible."""
 MAX_OF_CHUNK, APART = 32, 0.1
-"""Maximum number of prototypes of a chunk, and their minimum distance in the space of the features,
-in which codes and class distributions are at most 1 long. In a simulated living room, relevance then
-differs from that of the prototype by up to 0.02 in nine of ten chunks."""
+"""Maximum number of prototypes of a chunk, and their minimum distance as features: codes and class
+distributions are at most 1 long. In a simulated living room, the relevance of a Gaussian differs
+from that of its prototype by at most 0.02 in nine of ten chunks."""
 
 
 @dataclass(frozen=True, eq=False)

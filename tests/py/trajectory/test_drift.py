@@ -22,7 +22,7 @@ def poses_of_turns(turns: int, drift: float) -> list[np.ndarray]:
         for _ in range(24):
             poses.append(pose_of(*place, yaw_rad))
             yaw_rad += (1 + drift) * 2 * np.pi / 24
-        place = place + [np.cos(yaw_rad), np.sin(yaw_rad)]
+        place = place + np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
     return poses
 
 
