@@ -1,4 +1,4 @@
-"""Prototypes of semantic features: a few Gaussians of a chunk, one like each other one of it."""
+"""Prototypes: a few Gaussians of each chunk, whose semantic features stand for those of all."""
 
 from __future__ import annotations
 

@@ -25,7 +25,8 @@ from gslts.types import Floats, Floats32, Indices
 MAX_CHARACTERS = 300
 """Maximum length of a query; CLIP reads 77 tokens."""
 SLACK = 0.05
-"""Relevance of a prototype below the threshold at which Gaussians of its chunk are scored."""
+"""The Gaussians of a chunk are scored if a prototype is at most so far below the threshold: others
+may be more relevant than it."""
 LINK_M = 0.07
 """Radius of DBSCAN: distance up to which matching Gaussians belong to one object."""
 MIN_NEIGHBOURS, LINK_SPACINGS = 4, 3.0

@@ -19,7 +19,7 @@ from gslts.types import Floats
 
 
 class DriftingPoses:
-    """Poses of a recording by an odometry, whose error grows along the path.
+    """Poses of a recording by an odometry, whose error grows along the path and with its turns.
 
     Args:
         poses: World_from_camera [4,4] of each frame, m, in the order of the recording.
