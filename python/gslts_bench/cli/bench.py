@@ -85,6 +85,7 @@ def update(
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of an update.")] = 1,
+    views: Annotated[int, typer.Option(min=3, help="Number of views around a changed region.")] = 9,
 ) -> None:
     """Measure updates: none, plain fine-tuning, editing as printed in GS-LTS, and ours.
 
@@ -102,7 +103,13 @@ def update(
     weights = both_weights(lpips_backbone, lpips_heads)
     drawn = 0 if curve is None else min(curve_tasks, tasks)
     units = units_of(
-        options.homes(), tasks, ablation=ablation, curves=drawn, lpips=weights, threads=threads
+        options.homes(),
+        tasks,
+        views=views,
+        ablation=ablation,
+        curves=drawn,
+        lpips=weights,
+        threads=threads,
     )
     options.prepare(images, curve)
     outcome = options.run(BENCHMARK, units)

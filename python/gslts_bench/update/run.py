@@ -82,6 +82,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
 
     Attributes:
         tasks: Number of tasks.
+        views: Number of views around a changed region.
         ablation: Whether the methods of `ABLATION` are measured too.
         curves: Number of tasks with curves.
         lpips: Files of the weights of LPIPS, backbone and heads; None leaves it out.
@@ -92,6 +93,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
     record = Record
 
     tasks: int
+    views: int
     ablation: bool = False
     curves: int = 0
     lpips: tuple[Path, Path] | None = None
@@ -106,7 +108,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
     def settings(self) -> dict[str, Any]:
         """Values that decide the results besides map and code."""
         weights = None if self.lpips is None else [str(path) for path in self.lpips]
-        return {"lpips": weights, "threads": self.threads}
+        return {"lpips": weights, "threads": self.threads, "views": self.views}
 
     @cached_property
     def methods(self) -> dict[str, Method]:
@@ -172,9 +174,8 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
             add(_record(name, task, NOT_DETECTED).model_dump(mode="json"))
             return
         start_s = time.perf_counter()
-        found = collect_views(
-            robot, ground.detector, [change], CollectConfig(), threads=self.threads
-        )
+        collect = CollectConfig(steps=self.views - 1)
+        found = collect_views(robot, ground.detector, [change], collect, threads=self.threads)
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.evaluation_views(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
@@ -221,6 +222,7 @@ def units_of(
     homes: Sequence[BenchHome],
     tasks: int,
     *,
+    views: int,
     ablation: bool,
     curves: int,
     lpips: tuple[Path, Path] | None,
@@ -231,6 +233,7 @@ def units_of(
     Args:
         homes: At least one.
         tasks: Number of tasks in all homes.
+        views: Number of views around a changed region, at least 3.
         ablation: Whether the methods of `ABLATION` are measured too.
         curves: Number of tasks with curves in all homes.
         lpips: Files of the weights of LPIPS, backbone and heads; None leaves it out.
@@ -239,7 +242,9 @@ def units_of(
     shares = zip(
         homes, even_shares(tasks, len(homes)), even_shares(curves, len(homes)), strict=True
     )
-    return [UpdateUnit(home, own, ablation, drawn, lpips, threads) for home, own, drawn in shares]
+    return [
+        UpdateUnit(home, own, views, ablation, drawn, lpips, threads) for home, own, drawn in shares
+    ]
 
 
 @dataclass(frozen=True, eq=False)

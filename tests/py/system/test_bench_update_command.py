@@ -14,8 +14,10 @@ from gslts_bench.update.run import MARKS
 
 pytestmark = pytest.mark.long
 
+VIEWS = 7
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
-RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")
+MAPPED = ("--frames", "64", *SETTINGS, "--set", "voxel_m=0.05")
+RUN = ("bench", "update", *SMALL, *MAPPED, "--views", str(VIEWS))
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +57,7 @@ def test_records_hold_counts_and_times(done: Path) -> None:
         if record["rejected"] is None:
             assert after == before - record["removed"] + record["added"]
         assert set(record["seconds"]) >= {"update", "collecting"}
+        assert 0 < record["views"] <= (2 if record["kind"] == "relocation" else 1) * VIEWS
     for record in by_method["no update"]:
         assert record["gaussians"][0] == record["gaussians"][1]
     for plain, none in zip(by_method["plain fine-tuning"], by_method["no update"], strict=True):
