@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.gaussian_map import FloatArray
+from gslts.core.camera import Camera
 from gslts.io.images import RgbImage, depth_image, depth_range, error_image, to_rgb8
 from gslts.rendering.rasterizer import RenderOptions, render
 from gslts.types import Floats
@@ -56,26 +56,24 @@ class RobotPanel:
             path: (3,) positions of the robot so far, the newest last, m.
         """
         camera = live.camera
-        self._lines.content = paragraphs(live.lines)
-        self._legend.content = "" if camera is None else paragraphs([LEGEND])
         self._overlay.clear("robot")
         if len(path) > 1:
             self._overlay.path("robot", np.array(path), ROBOT)
+        self._image.image = live.rgb if camera is None else self._beside_map(live.rgb, camera)
+        self._legend.content = "" if camera is None else paragraphs([LEGEND])
+        self._lines.content = paragraphs(live.lines)
         if camera is None:
-            self._image.image = live.rgb
             return
-        rendered = render(
-            self._map.gaussians(self._map.newest), camera, RenderOptions(threads=THREADS)
-        )
-        self._image.image = _grid(live.rgb, to_rgb8(rendered.rgb), rendered.depth)
         self._overlay.cameras("robot", [camera], ROBOT)
         if self._rides.value:
             pose = camera.world_from_camera
             self._look_at(pose[:3, 3], pose[:3, 3] + pose[:3, 2])
 
-
-def _grid(rgb: RgbImage, rendered: RgbImage, depth: FloatArray) -> RgbImage:
-    """Return the image of the camera, that of the map, their difference, and the map's depth."""
-    difference = error_image(rgb, rendered, BRIGHT_ERROR)
-    shown_depth = depth_image(depth, depth_range(depth))
-    return np.vstack([np.hstack([rgb, rendered]), np.hstack([difference, shown_depth])])
+    def _beside_map(self, rgb: RgbImage, camera: Camera) -> RgbImage:
+        """Return the grid of images that the legend describes."""
+        gaussians = self._map.gaussians(self._map.newest)
+        rendered = render(gaussians, camera, RenderOptions(threads=THREADS))
+        map_rgb = to_rgb8(rendered.rgb)
+        difference = error_image(rgb, map_rgb, BRIGHT_ERROR)
+        depth = depth_image(rendered.depth, depth_range(rendered.depth))
+        return np.vstack([np.hstack([rgb, map_rgb]), np.hstack([difference, depth])])

@@ -13,7 +13,7 @@ import viewed_room
 from command import gslts as run
 from PIL import Image
 from shared import made_once
-from viewed_room import BOX, MOVED, SAME_DB, Page, browser_page
+from viewed_room import BOX, LONG_MS, MOVED, SAME_DB, Page, browser_page
 
 from gslts.io.images import to_rgb8
 from gslts.rendering.metrics import psnr_db
@@ -109,11 +109,16 @@ def test_before_and_after(page: Page, room: Path) -> None:
     page.wait_for_image(after, MIDDLE)
 
 
-def robot_image(page: Page) -> np.ndarray:
-    """Return the image of the robot's part of the panel, [H,W,3]."""
-    address = page.page.locator("img[src^='blob:']").first.evaluate(READ_IMAGE)
-    content = base64.b64decode(address.partition(",")[2])
-    return np.array(Image.open(BytesIO(content)).convert("RGB"))
+def robot_image(page: Page, height: int) -> np.ndarray:
+    """Return the image of the robot's part of the panel, [H,W,3], once it has that height."""
+    for _ in range(LONG_MS // 500):
+        address = page.page.locator("img[src^='blob:']").first.evaluate(READ_IMAGE)
+        content = base64.b64decode(address.partition(",")[2])
+        image = np.array(Image.open(BytesIO(content)).convert("RGB"))
+        if len(image) == height:
+            return image
+        page.page.wait_for_timeout(500)
+    raise AssertionError(f"the panel shows an image of {len(image)} pixels, not of {height}")
 
 
 def test_robot(room: Path) -> None:
@@ -123,10 +128,10 @@ def test_robot(room: Path) -> None:
         page.wait_for_text("moved from")
         viewer.show_robot(seen)
         page.wait_for_text("deferred: a vase")
-        image = robot_image(page)
+        image = robot_image(page, 128)
         viewer.show_robot(replace(seen, camera=None, lines=("no pose: lost",)))
         page.wait_for_text("no pose: lost")
-        assert robot_image(page).shape == (64, 64, 3)  # That of the camera alone.
+        assert robot_image(page, 64).shape == (64, 64, 3)  # That of the camera alone.
     rendered = to_rgb8(render(read_map(room), camera).rgb)
     inside = np.s_[8:56, 8:56]  # JPEG mixes colours at edges.
     assert np.abs(image[inside].astype(int) - 90).max() < 10
