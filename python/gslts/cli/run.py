@@ -161,7 +161,7 @@ def run(
                     if extend and recording is not None:
                         keeper.extend(recording, str(frames))
                     elif extend:
-                        keeper.explore(driven)
+                        keeper.explore(shown)
                     if share:
                         keeper.let_others_write(lambda: _exchange(map_path, log))
                 if consolidate:

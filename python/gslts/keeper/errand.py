@@ -74,6 +74,7 @@ def run_errand(
     robot: Robot,
     text: str,
     on_move: Callable[[], None] = lambda: None,
+    body: RobotBody | None = None,
 ) -> tuple[Navigator, NavigationResult]:
     """Move a robot to the nearest object that fits a text, and update the map on the way.
 
@@ -85,6 +86,7 @@ def run_errand(
         robot: In the home.
         text: Query such as "sofa".
         on_move: Called after each move.
+        body: Size of the robot; None for the default.
 
     Returns:
         The last navigator and its result.
@@ -98,14 +100,20 @@ def run_errand(
 
     def attempt() -> tuple[Navigator, NavigationResult]:
         navigator = Navigator(
-            keeper.gaussian_map, semantics.codec, semantics.source, categories=[text]
+            keeper.gaussian_map,
+            semantics.codec,
+            semantics.source,
+            categories=[text],
+            body=body,
         )
         return navigator, navigator.go(watched, text, on_move)
 
     return _until_settled(keeper, robot, attempt)
 
 
-def go_to_box(keeper: MapKeeper, robot: Robot, name: str, box: Box) -> NavigationResult:
+def go_to_box(
+    keeper: MapKeeper, robot: Robot, name: str, box: Box, body: RobotBody | None = None
+) -> NavigationResult:
     """Move a robot to what the map shows in a box, and update the map on the way.
 
     Args:
@@ -113,6 +121,7 @@ def go_to_box(keeper: MapKeeper, robot: Robot, name: str, box: Box) -> Navigatio
         robot: In the home.
         name: Of the object.
         box: Lower and upper corner in the world, m.
+        body: Size of the robot; None for the default.
 
     Returns:
         The result.
@@ -122,7 +131,7 @@ def go_to_box(keeper: MapKeeper, robot: Robot, name: str, box: Box) -> Navigatio
         OSError: The map cannot be written.
         ValueError: The map shows nothing in the box, or no floor.
     """
-    watched, body = WatchedRobot(robot, keeper), RobotBody()
+    watched, body = WatchedRobot(robot, keeper), body or RobotBody()
 
     def attempt() -> tuple[Target, NavigationResult]:
         gaussian_map = keeper.gaussian_map
@@ -135,7 +144,11 @@ def go_to_box(keeper: MapKeeper, robot: Robot, name: str, box: Box) -> Navigatio
 
 
 def drive_to(
-    keeper: MapKeeper, robot: Robot, words: str, box: Box | None = None
+    keeper: MapKeeper,
+    robot: Robot,
+    words: str,
+    box: Box | None = None,
+    body: RobotBody | None = None,
 ) -> NavigationResult:
     """Move a robot to what somebody asks for, and update the map on the way.
 
@@ -144,6 +157,7 @@ def drive_to(
         robot: In the home.
         words: Query that finds the object, or its name.
         box: Lower and upper corner of the object in the world, m; None if it should be found.
+        body: Size of the robot; None for the default.
 
     Returns:
         The result.
@@ -154,10 +168,10 @@ def drive_to(
         ValueError: The map has no semantics, the text is empty, or the box is.
     """
     if box is not None:
-        return go_to_box(keeper, robot, words, box)
+        return go_to_box(keeper, robot, words, box, body)
     if keeper.semantics is None:
         raise ValueError("the map has no words; gslts semantics adds them")
-    return run_errand(keeper, keeper.semantics, robot, words)[1]
+    return run_errand(keeper, keeper.semantics, robot, words, body=body)[1]
 
 
 def _until_settled(

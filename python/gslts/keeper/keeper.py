@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from gslts.change.changes import Change
-from gslts.change.confirmation import Report, latest_reports
+from gslts.change.confirmation import Report
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.change.visibility import Visibility
@@ -19,6 +19,7 @@ from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
+from gslts.keeper.report_queue import ReportQueue
 from gslts.keeper.schedule import defer, due_reports, select_changes, still_deferred
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.landmark_files import require_landmarks
@@ -32,7 +33,7 @@ from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
 from gslts.store.measurement_files import read_measurements
 from gslts.store.records import Version
-from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.integrate import integrate_changes
 from gslts.update.publish import publish
 
 
@@ -54,6 +55,7 @@ class MapKeeper:
         state: Progress of the rounds.
         monitor: Confirms changes over the frames.
         semantics: Of the map; None if it has none, or its models are not available.
+        shown: The newest map and its version, set at once, for other threads.
         localizer: In the newest version; None if the odometry of robots is in map coordinates.
 
     Raises:
@@ -77,6 +79,7 @@ class MapKeeper:
         try:
             self.state = read_state(folder)
             self._map = self._store.read()
+            self.shown = self._map, self.version.number
             self._cameras = cameras_of_map(folder)
             self._measurements = read_measurements(folder)
             self.semantics = MapSemantics.of_map(folder, self._config.update.threads)
@@ -88,6 +91,7 @@ class MapKeeper:
         except BaseException:
             self._store.close()
             raise
+        self._queue = ReportQueue(self.monitor)
         self._last_frame: RgbdFrame | None = None
 
     def __enter__(self) -> MapKeeper:
@@ -117,14 +121,15 @@ class MapKeeper:
         self.monitor.wait()
 
     def reports(self) -> list[Report]:
-        """Return the changes that were confirmed since the last call, without deferred ones."""
-        latest = latest_reports(self.monitor.poll())
-        return due_reports(self.state.deferred, latest, self.state.round)
+        """Return changes that were confirmed since the last call, without deferred ones."""
+        return due_reports(self.state.deferred, self._queue.take(), self.state.round)
 
     def integrate(
         self, robot: Robot, reports: Sequence[Report], recorded: Sequence[RgbdFrame] = ()
     ) -> None:
         """Integrate confirmed changes into the map, the most confident and nearest first.
+
+        If that fails, `reports` returns the others again.
 
         Args:
             robot: In the home; collects views of them.
@@ -135,15 +140,18 @@ class MapKeeper:
             StoppedError: A stop was requested.
             OSError: A file cannot be written; the map is that of its newest version.
         """
-        waiting = [report.change for report in reports]
-        while waiting:
-            self._stop_if_requested()
-            group = select_changes(waiting, robot.pose()[:2, 3])
-            waiting = [w for w in waiting if all(w is not change for change in group)]
-            for change in group:
-                x, y, z = change.point
-                self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
-            self._update(robot, group, recorded)
+        waiting = list(reports)
+        try:
+            while waiting:
+                self._stop_if_requested()
+                group = select_changes([r.change for r in waiting], robot.pose()[:2, 3])
+                for change in group:
+                    x, y, z = change.point
+                    self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+                self._update(robot, group, recorded)
+                waiting = [r for r in waiting if all(r.change is not c for c in group)]
+        finally:
+            self._queue.put_back(waiting)
 
     def begin_source(self, source: str) -> int:
         """Continue the rounds of a source of frames; another source starts with its first round.
@@ -180,7 +188,6 @@ class MapKeeper:
             OSError: A file cannot be written; the map is that of its newest version.
         """
         cameras = self._cameras if viewpoints is None else viewpoints
-        self.monitor.publish(self._detector)  # Deferred changes may be reported again.
         if self.state.remaining is None:
             self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
         while self.state.remaining:
@@ -208,6 +215,7 @@ class MapKeeper:
             source_rounds=self.state.source_rounds + 1,
             deferred=deferred,
         )
+        self.monitor.publish(self._detector)  # Deferred changes may be reported again.
 
     def explore(self, robot: Robot) -> None:
         """Look around in space that the robot can reach and the map does not know, and map it.
@@ -241,20 +249,15 @@ class MapKeeper:
             StoppedError: A stop was requested.
             OSError: A file cannot be written; the map is that of its newest version.
         """
-
-        def on_step(*_: object) -> None:
-            self._on_progress("extending")
-
-        observed = {name: Observation.of(frame) for name, frame in frames.items()}
         try:
             outcome = extend_store(
                 self._store,
-                observed,
+                {name: Observation.of(frame) for name, frame in frames.items()},
                 source,
                 self._config.extension,
                 Clock(None, {}),
-                on_placed=on_step,
-                report=on_step,
+                on_placed=lambda *_: self._on_progress("extending"),
+                report=lambda *_: self._on_progress("extending"),
             )
         except ValueError as error:
             self._log(f"not extended: {error}")
@@ -342,11 +345,16 @@ class MapKeeper:
         version = publish(
             self._store, self._map, cameras, result, config, self.state.round, self.semantics
         )
-        self._defer_rejected(result)
+        deferred = self.state.deferred
+        for change, reason in result.rejected_changes:
+            deferred = defer(deferred, change, reason, self.state.round)
+            self._log(f"{change.kind} deferred: {reason}")
         if version is not None:
             self._log(f"version {version.number}: {version.gaussians} Gaussians")
             self._use_map(result.gaussian_map, version)
-            self._set_state(deferred=still_deferred(self.state.deferred, result.changes))
+            self._queue.drop(result.changes)
+            deferred = still_deferred(deferred, result.changes)
+        self._set_state(deferred=deferred)
 
     def _reload(self) -> None:
         """Read all of the newest version, which was not made here or shows new space."""
@@ -356,20 +364,12 @@ class MapKeeper:
 
     def _use_map(self, gaussian_map: GaussianMap, version: Version) -> None:
         """Detect and localize with a new version of the map."""
-        self._map = gaussian_map
+        self._map, self.shown = gaussian_map, (gaussian_map, version.number)
         self._cameras |= cameras_of_version(version)
         self._detector = self._new_detector()
         self.monitor.publish(self._detector)
         if self.localizer is not None:
             self.localizer.publish(self._new_relocalizer())
-
-    def _defer_rejected(self, result: UpdateResult) -> None:
-        deferred = self.state.deferred
-        for change, reason in result.rejected_changes:
-            deferred = defer(deferred, change, reason, self.state.round)
-            self._log(f"{change.kind} deferred: {reason}")
-        if result.rejected_changes:
-            self._set_state(deferred=deferred)
 
     def _new_detector(self) -> ChangeDetector:
         return ChangeDetector(

@@ -59,6 +59,17 @@ class DeferredChange(BaseModel):
         return distance_m <= SAME_CHANGE_M and change.kind == self.kind
 
 
+def is_same_change(first: Change, second: Change) -> bool:
+    """Return whether two reports may be of one change: of one kind, or an end of a relocation.
+
+    Args:
+        first: As detected.
+        second: As detected.
+    """
+    near = float(np.linalg.norm(first.point - second.point)) <= SAME_CHANGE_M
+    return near and (first.kind == second.kind or "relocation" in (first.kind, second.kind))
+
+
 def select_changes(waiting: Sequence[Change], position: Floats) -> list[Change]:
     """Select the most confident and nearest change, and those near it.
 

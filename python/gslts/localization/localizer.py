@@ -70,7 +70,7 @@ class Localizer:
 
         Returns:
             The frame at its localized pose. If it is lost or ambiguous, it is at the predicted
-            pose, without depth and with a fault, so that nothing is concluded from it.
+            pose and has a fault, so that nothing is concluded from it.
         """
         return self.placed(frame, self.localize(frame))
 
@@ -86,9 +86,7 @@ class Localizer:
             placed = in_world(frame, self._world_from_odometry)
         if found.status == "ok":
             return placed
-        fault = f"{found.status}: {found.reason}"
-        no_depth = np.zeros((frame.camera.height, frame.camera.width), np.float32)
-        return replace(placed, depth=no_depth, depth_camera=None, fault=fault)
+        return replace(placed, fault=f"{found.status}: {found.reason}")
 
     def _track(self, frame: RgbdFrame) -> Localization | None:
         """Refine the predicted pose; None without a prediction, or if that fails."""

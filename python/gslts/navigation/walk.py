@@ -85,7 +85,7 @@ class Walk:
             is_off = not arrived or np.linalg.norm(self.position - step) > POSITION_TOLERANCE_M
             if is_off:
                 self._terrain.block(step, self.position)
-            has_new = self._terrain.add_obstacles(self.frame)
+            has_new = self.frame.fault is None and self._terrain.add_obstacles(self.frame)
             if is_off or (has_new and not self._terrain.is_free([self.position, *corners[:-1]])):
                 self.replans += 1
                 return False

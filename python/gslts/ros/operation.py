@@ -265,7 +265,7 @@ class Operation:
             judge.require_working()
             if keeper.version.number != shown_version:
                 shown_version = keeper.version.number
-                self._show_map(keeper, floor)
+                self._show_map(keeper, floor, waiting)
             if time.monotonic() > round_end_s:
                 keeper.end_round()
                 round_end_s = time.monotonic() + ROUND_S
@@ -297,9 +297,6 @@ class Operation:
         self._activity = "updating the map"
         try:
             keeper.integrate(self.robot, reports, frames)
-        except RobotLostError:
-            waiting.add(reports)
-            raise
         finally:
             self._show_changes(waiting)
         return True
@@ -327,7 +324,7 @@ class Operation:
 
     def _drive(self, request: Request, keeper: MapKeeper, robot: RosRobot) -> None:
         if request.kind == "go":
-            result = drive_to(keeper, robot, request.words)
+            result = drive_to(keeper, robot, request.words, body=self._config.body)
             self._publishing.answer(errand_answer(request.words, "map", result))
         elif request.words == "explore":
             keeper.explore(robot)
@@ -343,7 +340,8 @@ class Operation:
             assert self.robot is not None
             self._activity = f"go: {goal.words}"
             try:
-                return drive_to(keeper, self.robot, goal.words, goal.box).describe()
+                body = self._config.body
+                return drive_to(keeper, self.robot, goal.words, goal.box, body).describe()
             except RobotLostError as error:
                 return str(error)
 
@@ -367,18 +365,17 @@ class Operation:
             self._stop,
         )
 
-    def _show_map(self, keeper: MapKeeper, floor: FreeFloor) -> None:
+    def _show_map(self, keeper: MapKeeper, floor: FreeFloor, waiting: WaitingChanges) -> None:
         """Publish what a new version shows."""
         version = keeper.version
         self._publishing.event("version", number=version.number, gaussians=version.gaussians)
         self._publishing.grid(floor.semantic_map(keeper.gaussian_map))
-        self._show_changes(None)
+        self._show_changes(waiting)
 
-    def _show_changes(self, waiting: WaitingChanges | None) -> None:
+    def _show_changes(self, waiting: WaitingChanges) -> None:
         with open_history(self._config.map_path) as history:
             shown = published_changes(history.tracks())
-        detected = [] if waiting is None else detected_changes(waiting.changes)
-        self._publishing.changes([*shown, *detected])
+        self._publishing.changes([*shown, *detected_changes(waiting.changes)])
 
     def _say(self, line: str) -> None:
         self._log(line)

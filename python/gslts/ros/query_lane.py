@@ -15,7 +15,6 @@ from gslts.semantics.queries import SemanticQueries
 
 if TYPE_CHECKING:
     from gslts.ros.publishing import Publishing  # Needs ROS.
-from gslts.store.history import open_history
 
 
 class QueryLane:
@@ -63,13 +62,10 @@ class QueryLane:
                 self._publishing.answer(failure_answer("query", words, str(error)))
 
     def _answer(self, words: str) -> str:
-        semantics, gaussian_map = self._keeper.semantics, self._keeper.gaussian_map
+        semantics, (gaussian_map, version) = self._keeper.semantics, self._keeper.shown
         if semantics is None:
             raise ValueError(f"{self._map_path}: it has no words; gslts semantics adds them")
         if self._made is None or self._made[0] is not gaussian_map:
             queries = SemanticQueries(gaussian_map, semantics.codec, semantics.source)
             self._made = gaussian_map, queries
-        found = self._made[1].find(words)
-        with open_history(self._map_path) as history:  # SQLite serves the thread that opened it.
-            version = history.version().number
-        return query_answer(words, "map", version, found)
+        return query_answer(words, "map", version, self._made[1].find(words))

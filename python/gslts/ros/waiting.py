@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from gslts.change.changes import Change
 from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
-from gslts.keeper.schedule import SAME_CHANGE_M
+from gslts.keeper.schedule import is_same_change
 from gslts.ros.constants import LEAVE_S, MAX_WAIT_S
 from gslts.update.evidence import is_visible
 from gslts.update.region import regions_of
@@ -40,7 +38,7 @@ class WaitingChanges:
         for report in reports:
             since_s = min(report.times_s)
             for entry in list(self._waiting):
-                if _is_same(entry[0].change, report.change):
+                if is_same_change(entry[0].change, report.change):
                     since_s = min(since_s, entry[1])
                     self._waiting.remove(entry)
             self._waiting.append((report, since_s))
@@ -88,8 +86,3 @@ class WaitingChanges:
             if len(shown) < self._views and now_s - last_s < LEAVE_S:
                 return False
         return True
-
-
-def _is_same(first: Change, second: Change) -> bool:
-    near = float(np.linalg.norm(first.point - second.point)) <= SAME_CHANGE_M
-    return near and (first.kind == second.kind or "relocation" in (first.kind, second.kind))

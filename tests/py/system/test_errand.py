@@ -10,7 +10,8 @@ from semantic_room import embedded_map, map_semantics
 from update_room import LOOP
 
 from gslts.core.frame import RgbdFrame
-from gslts.keeper.errand import WatchedRobot, run_errand
+from gslts.core.robot_body import RobotBody
+from gslts.keeper.errand import WatchedRobot, drive_to, run_errand
 from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts_sim.controller import Controller
@@ -60,6 +61,15 @@ def test_a_relocated_object_is_found_in_the_updated_map(folder: Path) -> None:
     low, high = update_room.ADDED
     boxes = [found.center for found in navigator.queries.find("box")]
     assert any(((box > low) & (box < high)).all() for box in boxes)
+
+
+def test_a_robot_that_is_too_large_does_not_drive(folder: Path) -> None:
+    box = (2.0, 1.6, 0.75), (2.4, 2.0, 1.05)
+    with MapKeeper(folder, LOOP) as keeper:
+        robot = robot_in(change_room.home())
+        assert drive_to(keeper, robot, "box", box).status == "reached"
+        result = drive_to(keeper, robot, "box", box, RobotBody(radius_m=1.5))
+    assert result.status != "reached"
 
 
 def test_without_a_change_the_map_is_unchanged(folder: Path) -> None:

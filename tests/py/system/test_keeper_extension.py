@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import adrift
 import change_room
 import half_room
 import numpy as np
@@ -14,6 +15,7 @@ from gslts.datasets import open_dataset
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.exploration import look_around, plan_exploration
 from gslts.keeper.keeper import MapKeeper, StoppedError
+from gslts.robots.localized import localized
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import ExtensionCause
 from gslts.store.map_folder import open_map, read_map
@@ -81,6 +83,18 @@ def test_a_robot_maps_unmapped_space(folder):
         assert store.find_problems() == []
     visibility = seen_by_cameras_of(folder)
     assert len(plan_exploration(robot(), visibility)) == 0, "it is known now"
+
+
+def test_a_robot_whose_odometry_drifted_maps_unmapped_space(folder):
+    config = KeeperConfig(extension=half_room.CONFIG, relocalization=adrift.CONFIG)
+    before = read_map(folder)
+    with MapKeeper(folder, config) as keeper:
+        keeper.explore(localized(adrift.Adrift(robot()), keeper.localizer))
+        new = keeper.gaussian_map.means[before.size :]
+    low, high = change_room.home().rooms[0].box
+    assert (new[:, 0] > 3.5).sum() > 1000
+    assert ((new > low - 0.1) & (new < high + 0.1)).all(axis=1).mean() > 0.98
+    assert len(plan_exploration(robot(), seen_by_cameras_of(folder))) == 0, "it is known now"
 
 
 def test_a_stop_leaves_the_map_as_it_was(folder):

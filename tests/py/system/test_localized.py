@@ -204,7 +204,7 @@ def test_an_uncertain_frame_keeps_the_predicted_pose_and_has_a_fault(
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
     for frame in (unknown, expected):
         assert frame.fault == f"{unsure.status}: no luck"
-        assert not frame.depth.any()
+        assert frame.depth.any(), "it may show unmapped space"
         assert frame.registered().fault == frame.halved().fault == frame.fault
 
 

@@ -12,6 +12,7 @@ from update_room import LOOP as CONFIG
 from update_room import Changing
 
 from gslts.change.changes import Change
+from gslts.change.confirmation import Report
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.robot import Robot
@@ -161,6 +162,33 @@ def test_a_deferred_change_that_is_not_detected_again_is_forgotten(folder: Path)
         assert keeper.state.deferred == ()
 
 
+def test_what_lasts_is_reported_again_after_a_round(folder: Path) -> None:
+    with keeper_of(folder) as keeper:
+        assert [report.change.kind for report in watched(keeper)] == ["removal"]
+        assert watched(keeper) == [], "it was reported"
+        keeper.end_round()  # As by a node that watches a robot on its own errands.
+        assert [report.change.kind for report in watched(keeper)] == ["removal"]
+
+
+def test_what_a_failure_kept_from_being_integrated_is_reported_again(folder: Path) -> None:
+    class Lost(Controller):
+        def move_towards(self, *_: object) -> bool:
+            raise LookupError
+
+    robot = Lost(update_room.changed_home("removal"), **change_room.SIZE)
+    robot.go(change_room.VIEWPOINTS[0])
+    with keeper_of(folder) as keeper:
+        reports = watched(keeper)
+        with pytest.raises(LookupError):
+            keeper.integrate(robot, reports)
+        (again,) = keeper.reports()
+        assert again.change is reports[0].change
+        assert keeper.reports() == []
+        keeper.integrate(robot_of("removal"), reports)
+        assert keeper.version.number == 2
+        assert keeper.reports() == []
+
+
 def test_the_most_confident_and_nearest_change_is_selected_with_its_neighbors() -> None:
     near, far, sure = change_at(1, 1, 0.5), change_at(4, 3, 0.5), change_at(4, 3.5, 1.0)
     position = np.array([0.5, 0.5])
@@ -200,3 +228,10 @@ def test_a_damaged_state_is_named(folder: Path, content: str, message: str) -> N
 
 def at_the_block() -> Camera:
     return update_room.robot_in(change_room.home()).observe().camera
+
+
+def watched(keeper: MapKeeper) -> list[Report]:
+    """Let the keeper see that the box is gone, and return what it reports."""
+    for _ in range(CONFIG.monitor.window):
+        keeper.watch(robot_of("removal").observe())
+    return keeper.reports()
