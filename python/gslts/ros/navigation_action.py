@@ -31,7 +31,6 @@ class NavigationAction:
         on_foreign: Called if the robot follows a goal of somebody else.
 
     Attributes:
-        is_busy: True while the robot follows a goal of somebody else.
         has_ended: True if the server has ended with the last goal, reached or not.
     """
 
@@ -39,7 +38,7 @@ class NavigationAction:
         self._client, self._on_foreign = ActionClient(node, NavigateToPose, NAME), on_foreign
         self._own = deque[bytes](maxlen=OWN_GOALS)
         self._handle: Any = None
-        self.is_busy = self.has_ended = False
+        self._is_busy = self._is_cancelled = self.has_ended = False
         node.create_subscription(
             GoalStatusArray,
             f"{NAME}/_action/status",
@@ -52,6 +51,12 @@ class NavigationAction:
         """True if there is a server."""
         return bool(self._client.server_is_ready())
 
+    @property
+    def is_busy(self) -> bool:
+        """True while the robot follows a goal of somebody else."""
+        self._is_busy &= self.is_ready  # A server that starts anew does not say that it has none.
+        return self._is_busy
+
     def drive_to(self, goal: PoseStamped) -> None:
         """Give a goal, which replaces the last one.
 
@@ -60,14 +65,15 @@ class NavigationAction:
         """
         own = uuid.uuid4().bytes
         self._own.append(own)
-        self._handle, self.has_ended = None, False
+        self._handle, self._is_cancelled, self.has_ended = None, False, False
         future = self._client.send_goal_async(
             NavigateToPose.Goal(pose=goal), goal_uuid=UUID(uuid=list(own))
         )
         future.add_done_callback(lambda answered: self._on_answer(own, answered.result()))
 
     def cancel(self) -> None:
-        """Cancel the last goal, if the robot follows it."""
+        """Cancel the last goal, if the robot follows it or is about to."""
+        self._is_cancelled = True
         if self._handle is not None:
             self._handle.cancel_goal_async()
 
@@ -79,6 +85,8 @@ class NavigationAction:
             return
         self._handle = handle
         handle.get_result_async().add_done_callback(lambda _: self._on_result(own))
+        if self._is_cancelled:
+            handle.cancel_goal_async()
 
     def _on_result(self, own: bytes) -> None:
         if own == self._own[-1]:
@@ -90,6 +98,6 @@ class NavigationAction:
             for status in message.status_list
             if status.status in ACTIVE
         ]
-        self.is_busy = any(goal not in self._own for goal in active)
-        if self.is_busy:
+        self._is_busy = any(goal not in self._own for goal in active)
+        if self._is_busy:
             self._on_foreign()

@@ -127,7 +127,16 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
     try:
         gslts_node = GsltsNode(config, stop)
         executor.add_node(gslts_node.node)
-        spinning = threading.Thread(target=executor.spin, name="gslts-ros", daemon=True)
+        failures: list[Exception] = []
+
+        def spin() -> None:
+            try:
+                executor.spin()
+            except Exception as error:  # Raised in the main thread.
+                failures.append(error)
+                stop.set()
+
+        spinning = threading.Thread(target=spin, name="gslts-ros", daemon=True)
         spinning.start()
         try:
             with gslts_node.typed_requests():
@@ -136,5 +145,7 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
             executor.shutdown()
             spinning.join()
             gslts_node.node.destroy_node()
+        for failure in failures:
+            raise RuntimeError(f"messages are not received: {failure}") from failure
     finally:
         rclpy.shutdown()

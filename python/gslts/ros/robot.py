@@ -134,7 +134,13 @@ class RosRobot:
         turn_rad = yaw_of(believed) - yaw_of(here)
         goal = believed[:2, 3] + _turn(turn_rad) @ (position - here[:2, 3])
         self._goals.drive_to(*self._goal_of_base(goal, yaw_rad + turn_rad))
-        return self._wait_until_at(goal, yaw_rad + turn_rad)
+        arrived = False
+        try:
+            arrived = self._wait_until_at(goal, yaw_rad + turn_rad)
+        finally:
+            if not arrived and not self._preempted.is_set():
+                self._goals.cancel()
+        return arrived
 
     def _odometry(self) -> Floats:
         """Return the newest [4,4] pose of the camera by the odometry, m."""
@@ -157,10 +163,7 @@ class RosRobot:
         start_s = moved_s = time.monotonic()
         last = self._odometry()
         while (now_s := time.monotonic()) - start_s < GOAL_TIMEOUT_S:
-            if self._stop.wait(POLL_S):
-                self._goals.cancel()
-                return False
-            if self._preempted.is_set():
+            if self._stop.wait(POLL_S) or self._preempted.is_set():
                 return False
             pose = self._odometry()
             moved_m, turned_rad = pose_distance(last, pose)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gslts.core.se3 import pose_distance
+from gslts.ros import robot as robot_module
 from gslts.ros.frame_memory import FrameMemory
 from gslts.ros.live_poses import mount_matrix
 from gslts.ros.robot import RobotLostError, RosRobot, yaw_pose
@@ -22,12 +23,18 @@ class Base:
 
     pose: np.ndarray = field(default_factory=lambda: yaw_pose(np.array([0.5, 0.2]), 0.1))
     goals: int = 0
+    cancelled: int = 0
+    is_stuck: bool = False
     is_busy: bool = False
     has_ended: bool = False
 
     def drive_to(self, position: np.ndarray, yaw_rad: float) -> None:
-        self.pose = yaw_pose(position, yaw_rad)
+        if not self.is_stuck:
+            self.pose = yaw_pose(position, yaw_rad)
         self.goals += 1
+
+    def cancel(self) -> None:
+        self.cancelled += 1
 
     def tilt_to(self, pitch_rad: float) -> None:
         pass
@@ -86,3 +93,32 @@ def test_a_robot_without_a_pose_is_lost() -> None:
     robot = robot_on(Base(), believed_pose=no_pose)
     with pytest.raises(RobotLostError, match="there is no pose yet"):
         robot.move_towards(np.ones(2), 0.0)
+
+
+def test_a_goal_that_is_given_up_is_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_module, "STUCK_S", 0.1)
+    base = Base()
+    assert robot_on(base).move_towards(np.ones(2), 0.0)
+    assert base.cancelled == 0, "it arrived"
+    base.is_stuck = True
+    assert not robot_on(base).move_towards(np.zeros(2), 0.0)
+    assert base.cancelled == 1
+    stop = threading.Event()
+    stop.set()
+    assert not robot_on(base, stop=stop).move_towards(np.zeros(2), 0.0)
+    assert base.cancelled == 2
+    poses = iter([base.camera()] * 3)
+    with pytest.raises(StopIteration):
+        robot_on(base, believed_pose=lambda: next(poses)).move_towards(np.zeros(2), 0.0)
+    assert base.cancelled == 3
+
+
+def test_the_goal_of_somebody_else_is_not_cancelled() -> None:
+    class Preempted(Base):
+        def drive_to(self, *_: object) -> None:
+            robot.leave_alone()
+
+    base = Preempted()
+    robot = robot_on(base)
+    assert not robot.move_towards(np.zeros(2), 0.0)
+    assert base.cancelled == 0
