@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from pydantic import BaseModel, ConfigDict
 
 from gslts.core.camera import Camera
-from gslts.core.frame import RgbdFrame
+from gslts.core.frame import Labels, RgbdFrame
+from gslts.datasets.files import read_json
 from gslts.datasets.nerfstudio import OBJECTS
 from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
@@ -23,15 +26,30 @@ FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_pat
 """Folder of each image of a frame, by its key in `transforms.json`."""
 MAX_DEPTH_M = 65.535
 """Largest depth that fits into 16 bits, in millimetres, m."""
+MAX_OBJECTS = (1 << 16) - 1
+"""Maximum number of objects that fits into 16 bits, beside 0 for the background."""
+FORMAT = {"camera_model": "OPENCV", "depth_unit_scale_factor": 0.001}
+"""Camera model and unit of depth, m, of all recordings."""
+NO_LENS = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2"), 0)
+"""Distortion of a list that can be continued: recorded images have none."""
 PNG_LEVEL = 1
 """Level of zlib: images are a fifth larger than at the best level and saved ten times as fast."""
+
+
+class _Object(BaseModel):
+    """Row of the list of objects; a simulator adds more facts."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    objectType: str  # noqa: N815
 
 
 class RecordingWriter:
     """Writes frames as a data set.
 
     It has `transforms.json`, and the folders `images`, `depth` (16-bit, mm; 0: no measurement) and
-    `instances` (16-bit, 1 + row of the object, 0: background).
+    `instances` (16-bit, 1 + row of the object in `objects.json`, 0: background). A frame of another
+    camera than the first one has its intrinsics in its entry of the list.
     After a failure or an interruption, the frames of the last list remain as a valid data set; the
     next writer of the folder continues it.
 
@@ -45,18 +63,17 @@ class RecordingWriter:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._header: dict[str, Any] = {}
         self._frames: list[dict[str, Any]] = []
+        self._objects: tuple[_Object, ...] | None = None
         list_path = folder / "transforms.json"
         if list_path.exists():
-            try:
-                self._frames = list(json.loads(list_path.read_bytes())["frames"])
-            except (KeyError, TypeError, ValueError) as error:
-                raise ValueError(f"{list_path}: it is no list of frames: {error}") from None
-        elif folder.exists() and any(folder.iterdir()):
+            self._header, self._frames = _read_list(list_path)
+        elif any(path.is_file() for path in folder.rglob("*")):
             raise ValueError(f"{folder}: it is not empty, and no recording")
         for name in FOLDERS.values():
             (folder / name).mkdir(parents=True, exist_ok=True)
-        self._header: dict[str, Any] = {}
+        self._saved = len(self._frames)
 
     @property
     def count(self) -> int:
@@ -72,30 +89,30 @@ class RecordingWriter:
 
         Raises:
             OSError: The disk is full or the folder cannot be written.
+            ValueError: There are too many objects, or their list is damaged.
         """
         frame = frame.registered()
-        if not self._header:
-            self._header = _header(frame.camera)
+        intrinsics = _intrinsics(frame.camera)
+        if not self._frames:
+            self._header |= {**FORMAT, **intrinsics}
         depth = np.where(frame.depth < MAX_DEPTH_M, np.nan_to_num(frame.depth), 0)
         images: dict[str, NDArray[Any]] = {
             "file_path": frame.rgb,
             "depth_file_path": np.rint(1000 * depth).astype(np.uint16),
         }
         if frame.labels is not None:
-            images["instance_file_path"] = (frame.labels.instances + 1).astype(np.uint16)
+            images["instance_file_path"] = self._instances(frame.labels)
         entry: dict[str, Any] = {}
         try:
-            if frame.labels is not None and not (self._folder / OBJECTS).exists():
-                types = [{"objectType": name} for name in frame.labels.types]
-                write_json(self._folder / OBJECTS, types)
             for key, image in images.items():
                 entry[key] = f"{FOLDERS[key]}/{len(self._frames):05}.png"
                 Image.fromarray(image).save(self._folder / entry[key], compress_level=PNG_LEVEL)
         except BaseException:
             self._remove(entry)
             raise
-        pose = (frame.camera.world_from_camera @ OPENGL_FROM_OPENCV).tolist()
-        self._frames.append({**entry, "transform_matrix": pose, **(more or {})})
+        entry["transform_matrix"] = (frame.camera.world_from_camera @ OPENGL_FROM_OPENCV).tolist()
+        own = {key: each for key, each in intrinsics.items() if self._header.get(key) != each}
+        self._frames.append({**entry, **own, **(more or {})})
         if len(self._frames) % SAVE_INTERVAL == 0:
             self.save()
 
@@ -107,16 +124,37 @@ class RecordingWriter:
         """
         content = {**self._header, "frames": self._frames}
         write_json(self._folder / "transforms.json", content)
+        self._saved = len(self._frames)
 
     def keep_complete_frames(self) -> None:
-        """Write the list; drop the last frames until there is room for it on the disk."""
-        while self._frames:
+        """Write the list if it grew; drop new frames until there is room for it on the disk."""
+        while len(self._frames) > self._saved:
             try:
                 self.save()
             except OSError:
                 self._remove(self._frames.pop())
             else:
                 return
+
+    def _instances(self, labels: Labels) -> NDArray[np.uint16]:
+        """Return the label image of a frame; list its objects, if the list lacks them.
+
+        The second Mug of a frame is the second Mug of the list.
+        """
+        path = self._folder / OBJECTS
+        if self._objects is None:
+            self._objects = tuple(read_json(path, list[_Object])) if path.exists() else ()
+        names = _numbered(each.objectType for each in self._objects)
+        rows = {name: row for row, name in enumerate(names)}
+        row_of = [rows.setdefault(name, len(rows)) for name in _numbered(labels.types)]
+        if len(rows) > MAX_OBJECTS:
+            raise ValueError(f"{path}: {len(rows)} objects, at most {MAX_OBJECTS} fit into 16 bits")
+        if len(rows) > len(self._objects):
+            new = [_Object(objectType=name) for name, _ in list(rows)[len(self._objects) :]]
+            objects = (*self._objects, *new)
+            write_json(path, [each.model_dump() for each in objects])
+            self._objects = objects
+        return np.array([0, *(row + 1 for row in row_of)], np.uint16)[labels.instances + 1]
 
     def _remove(self, entry: Mapping[str, Any]) -> None:
         for key in FOLDERS:
@@ -137,14 +175,34 @@ def write_json(path: Path, content: Any) -> None:
     write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
-def _header(camera: Camera) -> dict[str, Any]:
+def _read_list(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return the keys of a list for all of its frames, and the frames."""
+    try:
+        content = json.loads(path.read_bytes())
+        frames = list(content["frames"])
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: it is no list of frames: {error}") from None
+    header = {key: value for key, value in content.items() if key != "frames"}
+    for key, expected in {**FORMAT, **NO_LENS}.items():
+        if header.get(key, expected) != expected:
+            raise ValueError(f"{path}: it is no recording of gslts: {key} is {header[key]}")
+    return header, frames
+
+
+def _numbered(names: Iterable[str]) -> Iterator[tuple[str, int]]:
+    """Yield each name with the number of the same names before it."""
+    counts: Counter[str] = Counter()
+    for name in names:
+        yield name, counts[name]
+        counts[name] += 1
+
+
+def _intrinsics(camera: Camera) -> dict[str, Any]:
     return {
-        "camera_model": "OPENCV",
         "w": camera.width,
         "h": camera.height,
         "fl_x": camera.fx,
         "fl_y": camera.fy,
         "cx": camera.cx,
         "cy": camera.cy,
-        "depth_unit_scale_factor": 0.001,
     }

@@ -29,6 +29,8 @@ after the robot has looked from so near is hidden."""
 MAX_CLEARANCE_M = 0.5
 """Distance from obstacles that is worth a detour as long, m: from beside a wall, the robot sees
 little but the wall."""
+NEIGHBOUR_CELLS = 1.5
+"""Radius in which the neighbours of a cell are, diagonal ones too, in cells."""
 BLOCKED_RADIUS_M = 0.15
 """Radius of the floor that is blocked where the robot did not arrive, m."""
 MAX_BLIND_M = 1.5
@@ -100,7 +102,7 @@ class FrontierExplorer:
         Args:
             position: (2,) x and y in the world, m.
         """
-        self._blocked |= self.floor.cells_within(position, BLOCKED_RADIUS_M)
+        self._blocked |= self.floor.grid.cells_within(position, BLOCKED_RADIUS_M)
 
     def free(self) -> Bools:
         """Return [M,M] the cells in which the centre of the robot can be, reachable or not."""
@@ -113,7 +115,7 @@ class FrontierExplorer:
         """Take the floor between the robot and the nearest that it sees for free."""
         known, grid = self.floor.semantic_map, self.floor.grid
         seen = known.explored & ~known.obstacles
-        seen &= ~self.floor.cells_within(position, self._body.radius_m + 2 * grid.cell_m)
+        seen &= ~self.floor.grid.cells_within(position, self._body.radius_m + 2 * grid.cell_m)
         cells = np.argwhere(seen)
         offsets_m = np.linalg.norm(grid.centers(cells) - position, axis=1)
         nearest_m = float(offsets_m.min(initial=np.inf))
@@ -129,7 +131,7 @@ class FrontierExplorer:
         """Give no more goals near a position, nor for the part of a frontier near it."""
         self._goals.append(position)
         if frontier is not None:
-            self._tried |= frontier & self.floor.cells_within(position, SEEN_M)
+            self._tried |= frontier & self.floor.grid.cells_within(position, SEEN_M)
 
     def _path_lengths_m(self, position: Floats) -> Floats:
         """Return [M,M] lengths of paths from a position, m; infinite where there is none."""
@@ -153,7 +155,8 @@ class FrontierExplorer:
             cell = reachable[np.argmin(np.linalg.norm(reachable - middle, axis=1))]
             position, target = grid.centers(np.array([cell, middle]))
             if self._is_new(position[None], REPEAT_M)[0]:
-                unknown = ~known.explored & self.floor.cells_within(target, FRONTIER_M / 2)
+                radius_m = max(FRONTIER_M / 2, NEIGHBOUR_CELLS * grid.cell_m)
+                unknown = ~known.explored & grid.cells_within(target, radius_m)
                 x, y = (grid.centers(np.argwhere(unknown)).mean(axis=0) - position).tolist()
                 yaw_rad, length_m = float(np.arctan2(y, x)), float(lengths_m[tuple(cell)])
                 goals.append((ExplorationGoal(position, yaw_rad, length_m, True), frontier))

@@ -106,6 +106,26 @@ class Grid:
         result[tuple(cells[self.contains(cells)].T)] = True
         return result
 
+    def cells_within(self, position: Floats, radius_m: float) -> Bools:
+        """Compute the cells with centres near a position.
+
+        Args:
+            position: (2,) x and y in the world, m.
+            radius_m: Maximum distance, m.
+
+        Returns:
+            [M,M] bool.
+        """
+        result = np.zeros((self.size, self.size), np.bool_)
+        corners = self.cells(position + radius_m * np.array([[-1.0], [1.0]]))
+        low, high = (corners + np.array([[0], [1]])).clip(0, self.size).tolist()
+        rows, columns = (np.arange(start, end) for start, end in zip(low, high, strict=True))
+        x = self.origin[0] + (columns + 0.5) * self.cell_m - position[0]
+        y = self.origin[1] + (rows + 0.5) * self.cell_m - position[1]
+        near = np.square(x)[None] + np.square(y)[:, None] <= radius_m**2
+        result[low[0] : high[0], low[1] : high[1]] = near
+        return result
+
     def sums(self, points: Floats, weights: Floats) -> Floats:
         """Sum weights of points by cell.
 

@@ -82,7 +82,7 @@ class ObservedFloor:
         counts = self.grid.sums(points[is_obstacle], np.ones(int(is_obstacle.sum())))
         obstacles = counts >= MIN_OBSTACLE_POINTS
         floor = _close_gaps(self.grid.mask(points[is_floor])) & ~obstacles
-        own = self.cells_within(frame.camera.world_from_camera[:2, 3], self._body.radius_m)
+        own = self.grid.cells_within(frame.camera.world_from_camera[:2, 3], self._body.radius_m)
         self._seen |= obstacles | floor | own
         self._evidence += obstacles.astype(np.int8) - floor.astype(np.int8)
         np.clip(self._evidence, -MAX_EVIDENCE, MAX_EVIDENCE, out=self._evidence)
@@ -96,22 +96,7 @@ class ObservedFloor:
             position: (2,) x and y in the world, m.
             radius_m: Of the circle, m.
         """
-        self._seen |= self.cells_within(position, radius_m)
-
-    def cells_within(self, position: Floats, radius_m: float) -> Bools:
-        """Compute the cells with centres near a position.
-
-        Args:
-            position: (2,) x and y in the world, m.
-            radius_m: Maximum distance, m.
-
-        Returns:
-            [M,M] bool.
-        """
-        middles_m = (np.arange(self.grid.size) + 0.5) * self.grid.cell_m
-        x, y = (np.square(self.grid.origin[k] + middles_m - position[k]) for k in (0, 1))
-        near: Bools = x[None] + y[:, None] <= radius_m**2
-        return near
+        self._seen |= self.grid.cells_within(position, radius_m)
 
     @property
     def driven(self) -> Bools:

@@ -141,8 +141,8 @@ class Terrain:
             position: (2,) x and y in the world, m.
             robot_position: (2,) where the robot is, which stays free.
         """
-        own = self._cells_within(robot_position, self._grid.cell_m)
-        self._blocked |= self._cells_within(position, BLOCKED_RADIUS_M) & ~own
+        own = self._grid.cells_within(robot_position, self._grid.cell_m)
+        self._blocked |= self._grid.cells_within(position, BLOCKED_RADIUS_M) & ~own
         self._update_free()
 
     def add_obstacles(self, frame: RgbdFrame) -> bool:
@@ -170,12 +170,6 @@ class Terrain:
         own = self._grid.mask(position[None]).astype(np.uint8)
         side = 2 * POSITION_TOLERANCE_CELLS + 1
         return np.asarray(cv2.dilate(own, np.ones((side, side), np.uint8)), np.bool_)
-
-    def _cells_within(self, position: Floats, radius_m: float) -> Bools:
-        rows, columns = np.indices(self._blocked.shape)
-        centers = self._grid.centers(np.stack([rows.ravel(), columns.ravel()], axis=1))
-        near = np.linalg.norm(centers - position, axis=1) <= radius_m
-        return np.asarray(near.reshape(self._blocked.shape), np.bool_)
 
 
 def _square(reach: int) -> Indices:

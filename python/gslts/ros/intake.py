@@ -116,7 +116,7 @@ class Intake:
             names = json.loads(text)
             if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
                 raise ValueError("expected a JSON list of strings")
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             self._problems.report(self._topics.label_names, str(error))
             return
         with self._new:

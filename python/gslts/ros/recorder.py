@@ -56,6 +56,6 @@ class Recorder:
         while (frame := self._frames.get()) is not None:
             try:
                 self._writer.add(frame)
-            except OSError as error:
+            except (OSError, ValueError) as error:
                 self._problems.report("recording", str(error))
         self._writer.keep_complete_frames()

@@ -6,7 +6,6 @@ import json
 import math
 import queue
 import threading
-from collections import defaultdict, deque
 from typing import Any, Self
 
 from geometry_msgs.msg import Point, Pose, Vector3
@@ -42,8 +41,8 @@ class TypedRequests:
 
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
-        self._waiting: dict[tuple[str, str], deque[queue.SimpleQueue[Answer]]]
-        self._waiting, self._lock = defaultdict(deque), threading.Lock()
+        self._waiting: list[tuple[str, str, queue.SimpleQueue[Answer]]] = []
+        self._lock = threading.Lock()
         self._node = Node("gslts_requests", use_global_arguments=True)
         group = ReentrantCallbackGroup()
         self._node.create_service(Query, "gslts/query", self._on_query, callback_group=group)
@@ -62,7 +61,7 @@ class TypedRequests:
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._ending.set()
-            left = [waiter for waiters in self._waiting.values() for waiter in waiters]
+            left = [waiter for _, _, waiter in self._waiting]
             self._waiting.clear()
         for waiter in left:
             waiter.put(_failure(ENDING))
@@ -80,10 +79,11 @@ class TypedRequests:
         answer = json.loads(text)
         for kind in ("query", "go"):
             with self._lock:
-                waiters = self._waiting.get((kind, answer.get(kind, "")))
-                waiter = waiters.popleft() if waiters else None
-            if waiter is not None:
-                waiter.put(answer)
+                same = [each for each in self._waiting if each[:2] == (kind, answer.get(kind, ""))]
+                if same:
+                    self._waiting.remove(same[0])
+            if same:
+                same[0][2].put(answer)
 
     def _work(self) -> None:
         while not self._ending.is_set():
@@ -121,7 +121,7 @@ class TypedRequests:
             with self._lock:
                 if self._ending.is_set():
                     raise ValueError(ENDING)
-                self._waiting[kind, words].append(waiter)
+                self._waiting.append((kind, words, waiter))
             try:
                 if kind == "query":
                     self._operation.ask(words)
@@ -129,7 +129,7 @@ class TypedRequests:
                     self._operation.requests.add(Request("go", words))
             except ValueError:
                 with self._lock:
-                    self._waiting[kind, words].remove(waiter)
+                    self._waiting.remove((kind, words, waiter))
                 raise
         except ValueError as error:
             waiter.put(_failure(str(error)))

@@ -233,6 +233,18 @@ def test_the_path_of_the_robot_stays_free() -> None:
 def test_a_robot_that_drove_askew_can_drive_back() -> None:
     """Paths do not pass between cells that touch at a corner."""
     floor = observed(seen_at(share, 0.7 * share) for share in (0.0, 0.4, 0.8))
-    end = floor.cells_within(np.array([0.8, 0.56]), floor.grid.cell_m)
+    end = floor.grid.cells_within(np.array([0.8, 0.56]), floor.grid.cell_m)
     lengths_m = distance_field_m(floor.driven, end, floor.grid.cell_m)
     assert np.isfinite(lengths_m[floor.driven]).all()
+
+
+@pytest.mark.parametrize("radius_m", [0.2, 0.58, 0.8, 0.9])
+def test_robots_of_any_size_face_what_is_unknown(radius_m: float) -> None:
+    body = RobotBody(radius_m=radius_m)
+    floor = ObservedFloor(ORIGIN, 0.0, body)
+    floor.assume_free(ORIGIN, 7.0)
+    goal = FrontierExplorer(floor, body, spacing_m=50.0).next_goal(ORIGIN)
+    assert goal is not None
+    assert goal.is_frontier
+    outwards = np.array([np.cos(goal.yaw_rad), np.sin(goal.yaw_rad)])
+    assert outwards @ goal.position > 0.8 * np.linalg.norm(goal.position)

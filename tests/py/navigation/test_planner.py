@@ -1,6 +1,7 @@
 """Paths by fast marching, against Dijkstra on the same cells."""
 
 import re
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from gslts.core.robot_body import RobotBody
 from gslts.navigation.grid import Grid
 from gslts.navigation.planner import (
     MAX_START_OFFSET_M,
@@ -17,6 +19,8 @@ from gslts.navigation.planner import (
     is_line_free,
     plan_path,
 )
+from gslts.navigation.semantic_map import SemanticMap
+from gslts.navigation.terrain import Terrain
 
 CELL_M = 0.05
 SIZE = 40
@@ -178,3 +182,31 @@ def test_free_cells_are_a_radius_away_from_obstacles(radius_cells: float) -> Non
     expected = explored & (metres >= radius_cells - 1e-6).reshape(SIZE, SIZE)
     np.testing.assert_array_equal(found, expected)
     assert free_cells(explored, np.zeros_like(obstacles), radius_cells).sum() == explored.sum()
+
+
+@pytest.mark.parametrize("radius_m", [0.0, CELL_M, 0.33, 5.0])
+def test_the_cells_of_a_circle_have_their_centres_in_it(radius_m: float) -> None:
+    rng = np.random.default_rng(0)
+    centers = grid().centers(np.argwhere(np.ones((SIZE, SIZE), np.bool_)))
+    positions = np.concatenate([rng.uniform(-2, 5, (100, 2)), centers[::97]])
+    for position in positions:
+        found = grid().cells_within(position, radius_m).ravel()
+        offsets_m = np.linalg.norm(centers - position, axis=1)
+        assert found[offsets_m < radius_m - 1e-9].all()
+        assert not found[offsets_m > radius_m + 1e-9].any()
+
+
+def test_blocking_a_position_of_a_large_map_takes_little_memory() -> None:
+    layers = np.stack([np.zeros((1000, 1000), np.bool_), np.ones((1000, 1000), np.bool_)])
+    known = SemanticMap(Grid(np.zeros(2), CELL_M, 1000), layers, (), 0.0)
+    terrain = Terrain(known, RobotBody())
+    start, goal = np.array([5.0, 5.0]), np.array([5.2, 5.0])
+    assert terrain.is_free([start, goal])
+    tracemalloc.start()
+    try:
+        terrain.block(goal, start)
+        assert tracemalloc.get_traced_memory()[1] < 16 * layers[0].size
+    finally:
+        tracemalloc.stop()
+    assert not terrain.is_free([start, goal])
+    assert terrain.is_known(start)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from bisect import bisect_left, bisect_right
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.datasets.poses import interpolate_pose, inverse, pose_from_numbers
 from gslts.types import Floats
@@ -17,18 +16,12 @@ MAX_LINKS = 100
 """Maximum depth of the tree of frames; longer chains are loops."""
 
 
-@dataclass
 class Track:
-    """Poses of one frame over time.
+    """Poses of one frame in the order of their times; of several at one time, the first one."""
 
-    Attributes:
-        times_ns: Time stamps, in any order.
-        numbers: For each, x y z, m, and the quaternion x y z w.
-    """
-
-    times_ns: list[int] = field(default_factory=list)
-    numbers: list[tuple[float, ...]] = field(default_factory=list)
-    _sorted: tuple[NDArray[np.int64], Floats] | None = None
+    def __init__(self) -> None:
+        self._times_ns: list[int] = []
+        self._numbers: list[tuple[float, ...]] = []
 
     def add(self, time_ns: int, translation: Any, rotation: Any) -> None:
         """Add a pose.
@@ -38,10 +31,13 @@ class Track:
             translation: ROS message with x y z, m.
             rotation: ROS message with x y z w.
         """
-        self.times_ns.append(time_ns)
-        numbers = [getattr(translation, name) for name in "xyz"]
-        self.numbers.append((*numbers, *(getattr(rotation, name) for name in "xyzw")))
-        self._sorted = None
+        row = bisect_left(self._times_ns, time_ns)
+        if self._times_ns[row : row + 1] == [time_ns]:
+            return
+        position = (translation.x, translation.y, translation.z)
+        quaternion = (rotation.x, rotation.y, rotation.z, rotation.w)
+        self._times_ns.insert(row, time_ns)
+        self._numbers.insert(row, position + quaternion)
 
     def keep(self, first_ns: int, last_ns: int) -> None:
         """Forget the poses outside a time, but for the newest one before it if none is in it.
@@ -50,13 +46,10 @@ class Track:
             first_ns: Start of the time, ns.
             last_ns: End of the time, ns.
         """
-        until = [row for row, t in enumerate(self.times_ns) if t <= last_ns]
-        kept = [row for row in until if self.times_ns[row] >= first_ns]
-        if not kept and until:
-            kept = [max(until, key=lambda row: self.times_ns[row])]
-        self.times_ns = [self.times_ns[row] for row in kept]
-        self.numbers = [self.numbers[row] for row in kept]
-        self._sorted = None
+        end = bisect_right(self._times_ns, last_ns)
+        start = min(bisect_left(self._times_ns, first_ns), max(end - 1, 0))
+        for rows in (self._times_ns, self._numbers):
+            del rows[end:], rows[:start]
 
     def newest_ns(self) -> int:
         """Return the time of the newest pose, ns.
@@ -64,9 +57,9 @@ class Track:
         Raises:
             ValueError: There is no pose.
         """
-        if not self.times_ns:
+        if not self._times_ns:
             raise ValueError("there is no pose yet")
-        return max(self.times_ns)
+        return self._times_ns[-1]
 
     def at(self, time_ns: int, max_gap_ns: int = MAX_GAP_NS) -> Floats:
         """Interpolate the pose between its two neighbours in time.
@@ -81,59 +74,64 @@ class Track:
         Raises:
             ValueError: A neighbour is missing or damaged, or they are too far apart in time.
         """
-        times, numbers = self._in_order()
-        after = int(np.searchsorted(times, time_ns))
-        if after < len(times) and times[after] == time_ns:
-            return pose_from_numbers(numbers[after])
+        times = self._times_ns
+        after = bisect_left(times, time_ns)
+        if times[after : after + 1] == [time_ns]:
+            return self._pose(after)
         if after in (0, len(times)) or times[after] - times[after - 1] > max_gap_ns:
             raise ValueError(
                 f"there are no two poses around it at most {max_gap_ns / 1e9:g} s apart"
             )
         share = (time_ns - times[after - 1]) / (times[after] - times[after - 1])
-        return interpolate_pose(
-            pose_from_numbers(numbers[after - 1]), pose_from_numbers(numbers[after]), float(share)
-        )
+        return interpolate_pose(self._pose(after - 1), self._pose(after), share)
 
-    def _in_order(self) -> tuple[NDArray[np.int64], Floats]:
-        if self._sorted is None:
-            times, first = np.unique(np.array(self.times_ns, np.int64), return_index=True)
-            self._sorted = times, np.array(self.numbers, np.float64).reshape(-1, 7)[first]
-        return self._sorted
+    def _pose(self, row: int) -> Floats:
+        return pose_from_numbers(np.array(self._numbers[row], np.float64))
 
 
 class FrameTree:
     """Tree of coordinate frames, with the transform of each to its parent.
 
     Names are used without the leading slash that old bags have.
+
+    Args:
+        reparent: True moves a frame to the parent of its last transform, as tf2 does; False makes
+            the use of a frame with two parents an error.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, reparent: bool = False) -> None:
+        self._reparent = reparent
         self._parents: dict[str, tuple[str, Track, bool]] = {}
         self._conflicts: dict[str, str] = {}
 
-    def add(self, transform: Any, fixed: bool) -> None:
+    def add(self, transform: Any, fixed: bool) -> str | None:
         """Add a transform.
 
         Args:
             transform: A TransformStamped.
             fixed: True if it holds for all times, as those of /tf_static.
+
+        Returns:
+            Line that names the other parent of the frame before; None if it is the same.
         """
-        header = transform.header
         child = frame_name(transform.child_frame_id)
-        parent = frame_name(header.frame_id)
-        known, track, was_fixed = self._parents.setdefault(child, (parent, Track(), fixed))
+        parent, conflict = frame_name(transform.header.frame_id), None
+        known, track, was_fixed = self._parents.get(child, (parent, Track(), fixed))
         if (known, was_fixed) != (parent, fixed):
-            self._conflicts[child] = (
+            conflict = (
                 f"the frame {child} has two parents: {known} "
                 f"({'fixed' if was_fixed else 'moving'}) and {parent} "
                 f"({'fixed' if fixed else 'moving'})"
             )
-            return
+            if not self._reparent:
+                self._conflicts[child] = conflict
+                return conflict
+        if fixed or conflict:
+            track = Track()
         pose = transform.transform
-        if fixed and track.times_ns:  # The last one holds.
-            track.times_ns.clear()
-            track.numbers.clear()
-        track.add(0 if fixed else time_of(header), pose.translation, pose.rotation)
+        track.add(0 if fixed else time_of(transform.header), pose.translation, pose.rotation)
+        self._parents[child] = parent, track, fixed
+        return conflict
 
     def keep(self, first_ns: int, last_ns: int) -> None:
         """Forget moving transforms outside a time; see `Track.keep`.
