@@ -52,7 +52,7 @@ def test_a_pose_is_that_between_its_neighbours() -> None:
 
 def test_old_poses_are_removed_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     removals: list[int] = []
-    monkeypatch.setattr(FrameTree, "keep", lambda _, first_ns, last_ns: removals.append(last_ns))
+    monkeypatch.setattr(FrameTree, "keep", lambda *ends: removals.append(ends[-1]))
     joints, poses = [f"joint_{number}" for number in range(30)], TfPoses("map")
     for ms in range(0, 5_000, 20):
         transforms = [transform(ms, "base_link", joint) for joint in joints]
