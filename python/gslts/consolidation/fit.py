@@ -103,6 +103,6 @@ def region_psnr_db(
     shown = []
     for frame in frames.observations.values():
         near = region_mask(frame.camera(), regions, MARGIN_PX)
-        if near.any():
+        if np.any(frame.with_mask(near).mask()):
             shown.append(refine_pose(gaussian_map, frame, threads).with_mask(near))
     return evaluate(gaussian_map, shown, threads).psnr_db if shown else None

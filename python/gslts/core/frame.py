@@ -101,11 +101,13 @@ class RgbdFrame:
             raise ValueError("RgbdFrame: depth: must be finite and not negative, or NaN")
 
     def registered(self) -> RgbdFrame:
-        """Return the frame with its depth registered to the colour image."""
-        if self.depth_camera is None:
-            return self
-        depth = register_depth(self.depth, self.depth_camera, self.camera)
-        return replace(self, depth=depth, depth_camera=None)
+        """Return the frame with its depth registered to the colour image, 0 outside the mask."""
+        depth = self.depth
+        if self.depth_camera is not None:
+            depth = register_depth(depth, self.depth_camera, self.camera)
+        if self.mask is not None and depth[~self.mask].any():
+            depth = np.where(self.mask, depth, np.float32(0))
+        return self if depth is self.depth else replace(self, depth=depth, depth_camera=None)
 
     def halved(self) -> RgbdFrame:
         """Return the registered frame at half the width and height, rounded down."""

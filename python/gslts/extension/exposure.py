@@ -10,6 +10,7 @@ import numpy as np
 from gslts.core.gaussian_map import GaussianMap
 from gslts.extension.constants import BLUR_SHARE, MIN_EXPOSURE_PIXELS
 from gslts.extension.new_space import FrameSpace
+from gslts.mapping.exposures import is_plausible
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -34,15 +35,18 @@ def recording_exposure(
         threads: Number of threads; 0 means all.
 
     Returns:
-        Maps rendered colours to those of the frames; the identity if too little agrees.
+        Maps rendered colours to those of the frames; the identity if too little agrees, or if it
+        is not plausible.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     observed: list[Floats32] = []
     rendered: list[Floats32] = []
     for frame, space in zip(frames, spaces, strict=True):
         images = rasterizer.forward(gaussian_map, frame.camera(), options)
-        agrees = ~(space.better | space.changed)
+        agrees, mask = ~(space.better | space.changed), frame.mask()
         step = max(1, round(BLUR_SHARE * agrees.shape[1]))
+        if mask is not None:  # What the blur mixes with other pixels is left out, too.
+            agrees &= cv2.erode(mask.astype(np.uint8), np.ones((step, step)), borderValue=1) > 0
         part = (slice(step // 2, None, step),) * 2
         for image, colors in ((frame.color(), observed), (images.rgb, rendered)):
             blurred: Floats32 = cv2.blur(np.asarray(image, np.float32), (step, step))  # type: ignore[assignment]
@@ -51,4 +55,5 @@ def recording_exposure(
     if len(ours) < MIN_EXPOSURE_PIXELS:
         return Exposure()
     gain = theirs.std(axis=0) / np.maximum(ours.std(axis=0), 1e-6)
-    return Exposure(gain=gain, offset=theirs.mean(axis=0) - gain * ours.mean(axis=0))
+    exposure = Exposure(gain=gain, offset=theirs.mean(axis=0) - gain * ours.mean(axis=0))
+    return exposure if is_plausible(exposure) else Exposure()

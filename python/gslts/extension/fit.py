@@ -11,6 +11,7 @@ from gslts.core.camera import Camera, downscale, shift_origin
 from gslts.core.farthest_points import farthest_points
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.surface_margin import surface_margin_m
 from gslts.extension.constants import (
     MAX_LOOSE_SHARE,
     MAX_REPLAYS,
@@ -163,6 +164,7 @@ def replay_frames(
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     seam = np.isin(gaussian_map.ids, patch.gaussian_map.ids[~patch.fixed])
+    old = patch.gaussian_map.select(np.isin(patch.gaussian_map.ids, gaussian_map.ids))
     seeing = []
     for camera in cameras:
         images = rasterizer.forward(gaussian_map, downscale(camera, REPLAY_SEARCH_DIVISOR), options)
@@ -172,7 +174,10 @@ def replay_frames(
     frames = []
     for row in farthest_points(positions, MAX_REPLAYS):
         images = rasterizer.forward(gaussian_map, seeing[row], options)
-        known = images.alpha >= MIN_KNOWN_ALPHA
+        # Where the patch lacks what this camera sees, the fit would make it anew.
+        own = rasterizer.forward(old, seeing[row], options)
+        known = (images.alpha >= MIN_KNOWN_ALPHA) & (own.alpha >= MIN_KNOWN_ALPHA)
+        known &= np.abs(own.depth - images.depth) < surface_margin_m(images.depth)
         rgb = (images.rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
         depth = np.where(known, images.depth, 0).astype(np.float32)
         frame = Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known))

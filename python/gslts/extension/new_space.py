@@ -65,6 +65,7 @@ class KnownSpace:
 
         A surface that only one of them shows is a change if many training cameras saw its place,
         and new otherwise. Without measured depth, a pixel is new where the map shows nothing.
+        Pixels outside the mask of the frame are nothing of these.
 
         Args:
             frame: At its pose in the map; registered depth.
@@ -73,7 +74,9 @@ class KnownSpace:
         height, width = frame.depth.shape
         cell_px = max(1, width // GRID_COLUMNS)
         grid = np.ix_(_grid_lines(height, cell_px), _grid_lines(width, cell_px))
-        measured, depth = frame.depth[grid], images.depth[grid].astype(np.float32)
+        seen = np.True_ if frame.mask is None else frame.mask[grid]
+        measured = np.where(seen, frame.depth[grid], np.float32(0))
+        depth = images.depth[grid].astype(np.float32)
         known = images.alpha[grid] >= MIN_KNOWN_ALPHA
         margin_m = surface_margin_m(measured.astype(np.float64))
         differs = (measured > 0) & (~known | (np.abs(depth - measured) > margin_m))
@@ -83,8 +86,8 @@ class KnownSpace:
         changed = doubtful.copy()
         changed[doubtful] = self._is_well_seen(frame, grid, doubtful, nearer[doubtful])
         changed = _without_edges(changed)
-        new = _without_edges((differs & ~changed) | ((measured == 0) & ~known))
-        poor = known & ~differs & ~changed
+        new = _without_edges((differs & ~changed) | ((measured == 0) & ~known & seen))
+        poor = known & ~differs & ~changed & seen
         poor[poor] = self._is_coarse(frame, grid, poor, depth[poor])
         # What lies behind a new surface is hidden by it: a wall may be seen from its back.
         poor |= new & (depth > 0) & (depth < measured)

@@ -14,6 +14,7 @@ from gslts.extension.constants import MIN_CHANGED_SHARE
 from gslts.extension.grow import Growth, compare_frames, grow_map, measure_test_psnr_db
 from gslts.extension.new_space import FrameSpace
 from gslts.extension.placement import Placement, place_frames
+from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import has_landmarks, read_landmarks, write_landmarks
 from gslts.localization.relocalizer import Relocalizer
@@ -120,7 +121,11 @@ def extend_store(
     """
     path, newest, gaussian_map = store.folder, store.version(), store.read()
     cameras = list(cameras_of_map(path).values())
-    relocalizer = Relocalizer(gaussian_map, read_landmarks(path, gaussian_map))
+    relocalizer = Relocalizer(
+        gaussian_map,
+        read_landmarks(path, gaussian_map),
+        RelocalizationConfig(threads=config.threads),
+    )
     placement = place_frames(frames, relocalizer, on_placed)
     clock.note("placing")
     visibility = Visibility(gaussian_map, cameras, config.threads)

@@ -193,7 +193,8 @@ class _Track:
         """Test if enough of the depth is near what the map shows at a pose [4,4]."""
         divisor = max(1, frame.camera.width // SIGHT_WIDTH_PX)
         camera = downscale(at_pose(frame.camera, predicted), divisor)
-        images = self._rasterizer.forward(self._relocalizer.gaussian_map, camera, RenderOptions())
+        options = RenderOptions(threads=self._relocalizer.config.threads)
+        images = self._rasterizer.forward(self._relocalizer.gaussian_map, camera, options)
         middle = slice(divisor // 2, None, divisor)
         depth = frame.depth[middle, middle][: camera.height, : camera.width]
         near = np.abs(images.depth - depth) < SIGHT_MARGIN_M

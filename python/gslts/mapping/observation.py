@@ -107,7 +107,8 @@ class Observation:
             mask: [H,W] pixels that count, in full resolution.
         """
         own = self.mask()
-        return replace(self, masks=_halve_masks(mask if own is None else own & mask))
+        masks = _halve_masks(mask if own is None else own & mask)
+        return replace(self, masks=masks, _registered=None)
 
     def set_lenses(self, lenses: Lenses) -> None:
         """Replace the lenses; depth is registered anew when it is next asked for.
@@ -144,7 +145,9 @@ class Observation:
         return None if self.masks is None else self.masks[level]
 
     def depth(self, level: int = 0) -> Floats32:
-        """Return the depth [H,W] registered to the colour camera, m; cached for one level.
+        """Return the depth [H,W] registered to the colour camera, m; 0 outside the mask.
+
+        It is cached for one level.
 
         Args:
             level: Resolution.
@@ -154,9 +157,13 @@ class Observation:
             depth_lens, color = (
                 downscale(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
             )
-            same = depth_lens == color
-            depth = self.raw_depth[level]
-            self._registered = level, depth if same else register_depth(depth, depth_lens, color)
+            depth, mask = self.raw_depth[level], self.mask(level)
+            if depth_lens != color:
+                depth = register_depth(depth, depth_lens, color)
+            self._registered = (
+                level,
+                depth if mask is None else np.where(mask, depth, np.float32(0)),
+            )
         return self._registered[1]
 
     def rgbd(self, level: int = 0) -> RgbdFrame:

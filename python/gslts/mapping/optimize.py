@@ -197,11 +197,13 @@ class Optimizer:
             self._fill_holes(observation, images, target, level)
         self.iteration += 1
         rendered = apply_exposure(images.rgb[PROGRESS_PIXELS], observation.exposure)
+        seen = None if target.mask is None else target.mask[PROGRESS_PIXELS]
+        seen = seen if seen is not None and seen.any() else None
         return Progress(
             iteration=self.iteration,
             share=self.share,
             loss=loss,
-            psnr_db=psnr_db(rendered, target.rgb[PROGRESS_PIXELS]),
+            psnr_db=psnr_db(rendered, target.rgb[PROGRESS_PIXELS], seen),
             gaussians=self.adam.map.size,
         )
 
@@ -262,7 +264,8 @@ class Optimizer:
         gain, offset = (np.array(part, np.float32) for part in (exposure.gain, exposure.offset))
         colors = ((target.rgb - offset) / gain).clip(0, 1)
         camera = shift_origin(observation.camera(level), old.origin)
-        new = seed_holes(camera, images, colors, observation.depth(level), old.sh_degree)
+        measured, mask = observation.depth(level), target.mask
+        new = seed_holes(camera, images, colors, measured, mask, old.sh_degree)
         limit = self.config.max_gaussians
         if new is not None and (limit is None or old.size + new.size <= limit):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])

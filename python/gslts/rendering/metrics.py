@@ -24,8 +24,10 @@ def psnr_db(rgb: FloatArray, target: FloatArray, mask: Bools | None = None) -> f
         mask: [H,W] pixels to compare; None means all.
 
     Returns:
-        dB, at most `MAX_PSNR_DB`.
+        dB, at most `MAX_PSNR_DB`; NaN for an empty mask.
     """
+    if mask is not None and not mask.any():
+        return float("nan")
     squares = (rgb.clip(0, 1) - target) ** 2
     return psnr_from_mse_db(
         float(np.mean(squares if mask is None else squares[mask], dtype=np.float64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -121,10 +122,19 @@ def _upright(placed: Mapping[int, Floats], keyframes: Sequence[FrameFeatures]) -
 
 
 def _in_order(dataset: Dataset) -> tuple[Frame, ...]:
-    """Return the frames in the order of the recording; by name if only some have poses."""
+    """Return the frames in the order of the recording; by name if only some have poses.
+
+    Frame 10 comes after frame 9, whatever the number of digits.
+    """
     if 0 < len(dataset.unposed) < len(dataset.frames):
-        return tuple(sorted(dataset.frames, key=lambda frame: frame.name))
+        return tuple(sorted(dataset.frames, key=lambda frame: _with_numbers(frame.name)))
     return dataset.frames
+
+
+def _with_numbers(name: str) -> list[tuple[int, str]]:
+    """Return a key that orders names by their numbers: each part is a number or a text."""
+    parts = re.findall(r"\d+|\D+", name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
 def _features_of(frame: Frame) -> FrameFeatures | Exception:

@@ -55,16 +55,18 @@ def is_visible(frame: RgbdFrame, region: Region) -> bool:
     """Return whether a frame shows the centre of a region.
 
     Args:
-        frame: RGB-D frame.
+        frame: Its depth is registered first.
         region: Region of a change.
 
     Returns:
-        True if the centre is inside of the image and nothing measured occludes it.
+        True if the centre is inside of the image and its mask, and nothing measured occludes it.
     """
     center = region.project_center(frame.camera)
     if center is None:
         return False
     u, v, z = center
+    if frame.mask is not None and not frame.mask[int(v), int(u)]:
+        return False
     depth = frame.registered().depth[int(v), int(u)]
     margin_m = OCCLUSION_M + 0.5 * float(np.linalg.norm(region.high - region.low))
     return not bool(0 < depth < z - margin_m)

@@ -35,7 +35,7 @@ class Tour:
         regions: To visit; they grow by what the frames show in them or near them.
         config: Settings.
         progress: Called after each step.
-        recorded: Frames taken before; those that show a region count.
+        recorded: Frames taken before; those that show a region and have no fault count.
 
     Attributes:
         regions: As the frames show them.
@@ -56,7 +56,8 @@ class Tour:
         self.frames: list[tuple[RgbdFrame, Detection]] = []
         self.skipped: list[str] = []
         self._robot, self._detector, self._config = robot, detector, config
-        self._progress, self._recorded = progress, recorded
+        self._progress = progress
+        self._recorded = [frame.registered() for frame in recorded if frame.fault is None]
         self._observed: list[RgbdFrame] = []
         self._reported = tuple(regions)
         self._log_odds = [0.0] * len(regions)

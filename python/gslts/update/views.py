@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -62,13 +63,13 @@ class View:
         """[H,W] pixels of removed or added objects: M_comb of GS-LTS."""
         return self.before | self.after
 
-    @property
+    @cached_property
     def depth(self) -> Floats32:
         """[H,W] measured depth, m; 0 where there is no measurement."""
         depth: Floats32 = np.nan_to_num(self.frame.depth)
         return depth
 
-    @property
+    @cached_property
     def colors(self) -> Floats32:
         """[H,W,3] sRGB, 0 to 1, at the exposure of the map."""
         gain, offset = (

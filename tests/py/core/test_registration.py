@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gslts.core.camera import Camera
-from gslts.core.frame import register_depth
+from gslts.core.frame import RgbdFrame, register_depth
 from gslts.core.se3 import rotation
+from gslts.mapping.observation import Observation
 
 
 def camera(
@@ -155,3 +156,21 @@ def test_points_before_the_lens_take_neither_time_nor_memory() -> None:
 def test_depth_of_another_size_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"depth: expected .* \(120, 160\), got .* \(60, 80\)"):
         register_depth(np.ones((60, 80), np.float32), camera(), camera())
+
+
+@pytest.mark.parametrize("depth_camera", [None, camera(80, 70.0)])
+def test_nothing_is_measured_outside_the_mask(depth_camera: Camera | None) -> None:
+    lens = camera() if depth_camera is None else depth_camera
+    depth = np.full((lens.height, lens.width), 2.0, np.float32)
+    mask = np.zeros((120, 160), np.bool_)
+    mask[20:90, 30:140] = True
+    rgb = np.zeros((120, 160, 3), np.uint8)
+    frame = RgbdFrame(rgb, depth, camera(), depth_camera=depth_camera, mask=mask)
+    measured = frame.registered().depth
+    assert not measured[~mask].any()
+    assert measured[mask].mean() > 1.5
+    observed = Observation.of(frame)
+    np.testing.assert_array_equal(observed.depth(), measured)
+    left = np.ones_like(mask)
+    left[:, 80:] = False
+    np.testing.assert_array_equal(observed.with_mask(left).depth(), np.where(left, measured, 0))

@@ -7,9 +7,12 @@ import store_maps
 from change_room import VIEWPOINTS, home, mapped, see
 
 from gslts.extension.exposure import recording_exposure
-from gslts.extension.fit import Patch, merge_patch, without_changes
+from gslts.extension.fit import Patch, merge_patch, replay_frames, without_changes
 from gslts.extension.new_space import FrameSpace
+from gslts.mapping.density.control import join
 from gslts.mapping.observation import Observation
+from gslts.mapping.seeding.depth_seeds import seed_from_depth
+from gslts.rendering.rasterizer import render
 
 NAMES = ("means", "quats", "log_scales", "logit_opacities", "sh")
 
@@ -64,6 +67,37 @@ def test_exposure_of_a_darker_recording_is_found() -> None:
     exposure = recording_exposure(mapped()[0], observations, [_known_space(f) for f in frames])
     np.testing.assert_allclose(exposure.gain, gain, atol=0.04)
     np.testing.assert_allclose(exposure.offset, offset, atol=0.02)
+
+
+def test_exposure_does_not_depend_on_what_the_mask_hides() -> None:
+    frames = []
+    for viewpoint in VIEWPOINTS:
+        frame = see(home(), viewpoint)
+        mask = np.zeros(frame.depth.shape, np.bool_)
+        mask[20:100, 30:130] = True
+        frames.append(replace(frame, rgb=frame.rgb * mask[..., None], mask=mask))
+    observations = [Observation.of(frame) for frame in frames]
+    exposure = recording_exposure(mapped()[0], observations, [_known_space(f) for f in frames])
+    np.testing.assert_allclose(exposure.gain, 1, atol=0.06)
+    np.testing.assert_allclose(exposure.offset, 0, atol=0.04)
+
+
+def test_replays_show_what_the_patch_has_alone() -> None:
+    gaussian_map, cameras = mapped()
+    plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
+    own = plain.select(plain.means[:, 0] < 2.5)
+    new = seed_from_depth([see(home(), VIEWPOINTS[0])] * 2, 0.1, sh_degree=plain.sh_degree)
+    patch = Patch(join(own, new, gaussian_map.next_id), np.zeros(own.size + new.size, np.bool_))
+    frames = replay_frames(plain, list(cameras.values())[::8], patch, threads=1)
+    shares = []
+    for frame in frames:
+        images, mask = render(own, frame.camera()), frame.mask()
+        assert mask is not None
+        shares.append(mask.mean())
+        assert (images.alpha[mask] > 0.69).all()
+        np.testing.assert_allclose(images.depth[mask], frame.depth()[mask], rtol=0.05, atol=0.1)
+    assert max(shares) > 0.9
+    assert min(shares) < 0.5
 
 
 def test_exposure_is_the_identity_where_nothing_agrees() -> None:

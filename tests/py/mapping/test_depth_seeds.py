@@ -212,16 +212,23 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     torn = seeds.select(~hole)
     images = gslts.render(torn, frame.camera)
     measured = np.zeros_like(frame.depth)
-    new = seed_holes(frame.camera, images, frame.rgb / 255, measured, 0)
+    new = seed_holes(frame.camera, images, frame.rgb / 255, measured, None, 0)
     assert new is not None
     columns, rows, z = project(frame.camera, new.means.astype(np.float64))
     inside = (np.abs(columns - 80) < 16) & (np.abs(rows - 100) < 11)
     assert inside.sum() > 20
     at = frame.depth[rows[inside].astype(int), columns[inside].astype(int)]
     assert np.median(np.abs(z[inside] - at) / at) < 0.08
+    mask = np.ones_like(frame.depth, np.bool_)
+    mask[80:, 50:110] = False
+    masked = seed_holes(frame.camera, images, frame.rgb / 255, measured, mask, 0)
+    assert masked is not None
+    columns, rows, z = project(frame.camera, masked.means.astype(np.float64))
+    assert not ((np.abs(columns - 80) < 28) & (rows > 82)).any()
+    assert masked.size > 0.5 * new.size, "holes elsewhere are filled"
     whole = gslts.render(seeds, frame.camera)
     closed = replace(whole, alpha=np.maximum(whole.alpha, 0.4))
-    assert seed_holes(frame.camera, closed, frame.rgb / 255, frame.depth, 0) is None
+    assert seed_holes(frame.camera, closed, frame.rgb / 255, frame.depth, None, 0) is None
 
 
 def test_zeros_are_filled_from_all_sides() -> None:

@@ -18,6 +18,7 @@ from gslts.update.evidence import (
     PRIOR_LOG_ODDS,
     confirm,
     evidence_of,
+    is_visible,
 )
 from gslts.update.region import Region
 from gslts.update.views import View
@@ -91,6 +92,16 @@ def test_a_view_that_misses_the_centre_cannot_judge() -> None:
     seen = detection()
     aside = replace(seen, camera=camera_at(np.eye(4), cx=-100.0))
     assert evidence_of(REGION, aside) == "it shows only a part of it"
+
+
+def test_a_frame_whose_mask_hides_the_region_does_not_show_it() -> None:
+    rgb, depth = np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8), np.zeros((SIDE_PX, SIDE_PX), np.float32)
+    frame = RgbdFrame(rgb, depth, camera_at(np.eye(4)))
+    assert is_visible(frame, REGION)
+    mask = np.ones(depth.shape, np.bool_)
+    assert is_visible(replace(frame, mask=mask), REGION)
+    mask[18:22, 18:22] = False
+    assert not is_visible(replace(frame, mask=mask), REGION)
 
 
 def test_the_fault_of_a_surface_is_the_reason() -> None:

@@ -9,7 +9,7 @@ from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.se3 import transform
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
 from gslts.rendering.rasterizer import Images
-from gslts.types import Floats
+from gslts.types import Bools, Floats
 
 HOLE_ALPHA = 0.4
 """Rendered alpha below which a pixel is a hole."""
@@ -22,7 +22,12 @@ SMOOTHINGS = 4
 
 
 def seed_holes(
-    camera: Camera, images: Images, colors: FloatArray, measured: FloatArray, sh_degree: int
+    camera: Camera,
+    images: Images,
+    colors: FloatArray,
+    measured: FloatArray,
+    mask: Bools | None,
+    sh_degree: int,
 ) -> GaussianMap | None:
     """Seed Gaussians in holes at a depth interpolated from around the hole.
 
@@ -31,12 +36,14 @@ def seed_holes(
         images: Rendering of the map.
         colors: [H,W,3] colours of the photograph with the exposure of the map.
         measured: [H,W] measured depth, m; 0 is no measurement.
+        mask: [H,W] pixels that count; None means all. There are no holes elsewhere.
         sh_degree: SH degree of the map.
 
     Returns:
         Flat Gaussians that face the camera; None if the rendering has no holes.
     """
-    alpha, rendered = _bin_means(images.alpha), _bin_means(images.depth)
+    covered = images.alpha if mask is None else np.where(mask, images.alpha, 1)
+    alpha, rendered = _bin_means(covered), _bin_means(images.depth)
     known = np.where((alpha >= HOLE_ALPHA) & (rendered > 0), rendered, 0)
     nearest = _bin_means(measured)
     known = np.where((known == 0) & (nearest > 0), nearest, known)
