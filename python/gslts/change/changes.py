@@ -9,6 +9,7 @@ import numpy as np
 
 from gslts._core.detect import Surface
 from gslts.core.boxes import box_iou
+from gslts.semantics.masks import PixelBox, box_of_mask
 from gslts.types import Bools, Floats
 
 Kind = Literal["addition", "removal", "relocation", "shift"]
@@ -111,7 +112,7 @@ class Change:
         known = [(a, b) for a, b in sides if a is not None and b is not None]
         return max((box_iou(a, b) for a, b in known), default=0.0)
 
-    def box_px(self, side: Side, width: int) -> tuple[int, int, int, int] | None:
+    def box_px(self, side: Side, width: int) -> PixelBox | None:
         """Return the box around the object in the image; None if it is not visible at that side.
 
         Args:
@@ -150,24 +151,6 @@ class Change:
             after=self.after,
             is_measured=self.is_measured,
         )
-
-
-def box_of_mask(mask: Bools, width: int) -> tuple[int, int, int, int] | None:
-    """Return the box around the pixels of a mask; None if it has none.
-
-    Args:
-        mask: [H,W], of an image or of a halved one.
-        width: Width of the image, px.
-
-    Returns:
-        (x0, y0, x1, y1) in the pixels of the image, x1 and y1 exclusive.
-    """
-    if not mask.any():
-        return None
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    scale = width // mask.shape[1]
-    low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
-    return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
 
 
 def _require_position(name: str, value: Any) -> None:

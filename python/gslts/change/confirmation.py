@@ -209,8 +209,9 @@ class ChangeConfirmation:
                 taken.add(column)
         for row, change in enumerate(changes):
             if row not in matched:
-                whole = self._whole_of(change, seen=list(matched.values()))
-                matched[row] = whole or _Candidate(change)
+                kinds = ("relocation", change.kind)
+                seen = [found for k, found in matched.items() if changes[k].kind in kinds]
+                matched[row] = self._whole_of(change, seen) or _Candidate(change)
             if matched[row] not in self._candidates:
                 self._candidates.append(matched[row])
         return [(change, matched[row]) for row, change in enumerate(changes)]
@@ -218,7 +219,7 @@ class ChangeConfirmation:
     def _whole_of(self, change: Change, seen: Sequence[_Candidate]) -> _Candidate | None:
         """Return a relocation of which a change is an end; None if there is none.
 
-        It is none that the same frame has `seen`: that has its ends already.
+        It is none that the same frame has `seen`, as a relocation or by an end of this kind.
         """
         wholes = (
             candidate
@@ -228,8 +229,8 @@ class ChangeConfirmation:
         return next(wholes, None)
 
     def _is_end(self, change: Change, whole: Change) -> bool:
-        """Test if a removal or an addition is one end of a relocation."""
-        if whole.kind != "relocation" or change.kind == "relocation":
+        """Test if a change is a removal or an addition that is one end of a relocation."""
+        if whole.kind != "relocation" or change.kind not in ("removal", "addition"):
             return False
         end = whole.end_point("before" if change.kind == "removal" else "after")
         return end is not None and float(np.linalg.norm(end - change.point)) <= self.config.near_m

@@ -22,7 +22,7 @@ def depth_quantum_m(depth: Floats32) -> float:
     """Return the median step between the distinct depths of a frame, m.
 
     Args:
-        depth: [H,W] as measured, m; 0 and NaN where nothing was.
+        depth: [K] or [H,W] as measured, m; 0 and NaN where nothing was.
 
     Returns:
         The step; 0 where there are too few distinct depths to tell.
@@ -38,11 +38,12 @@ def depth_quality(depth: Floats32) -> DepthQuality:
     """Classify the depth of a frame.
 
     Args:
-        depth: [H,W] as measured, m; 0 and NaN where nothing was.
+        depth: [K] as measured in the pixels of its mask, m; 0 and NaN where nothing was.
 
     Returns:
         "fine"; "coarse" with larger steps; "none" if hardly anything was measured.
     """
-    if (np.isfinite(depth) & (depth > 0)).mean() < MIN_MEASURED_SHARE:
+    measured = np.isfinite(depth) & (depth > 0)
+    if not measured.any() or measured.mean() < MIN_MEASURED_SHARE:
         return "none"
     return "coarse" if depth_quantum_m(depth) > MAX_FINE_QUANTUM_M else "fine"

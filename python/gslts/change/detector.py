@@ -197,8 +197,9 @@ class ChangeDetector:
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
-        depth = depth_quality(pyramid[0].depth)
-        fault = frame.fault or frame_fault(observed_rgb)
+        mask = _mask_of(small)
+        depth = depth_quality(pyramid[0].depth[_mask_of(pyramid[0])])
+        fault = frame.fault or frame_fault(observed_rgb[mask])
         if depth == "none" and self.config.strategy == "gs_lts":
             fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
         if fault is None and self.config.align_pose:
@@ -213,14 +214,14 @@ class ChangeDetector:
                 camera = at_pose(camera, pose)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        return self._compare(observed_rgb, observed_depth, camera, small.mask, depth)
+        return self._compare(observed_rgb, observed_depth, camera, mask, depth)
 
     def _compare(
         self,
         observed_rgb: Floats32,
         observed_depth: Floats32,
         camera: Camera,
-        mask: Bools | None,
+        mask: Bools,
         depth: DepthQuality,
     ) -> Detection:
         """Compare the images of a frame at its true pose with a rendering.
@@ -232,17 +233,19 @@ class ChangeDetector:
             far_m=view_range_m(observed_depth), near_sigmas=NEAR_SIGMAS, threads=config.threads
         )
         images = self._rasterizer.forward(self._drawn, camera, options)
-        alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
+        alpha = np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
         rendered_rgb = apply_exposure(images.rgb, exposure).clip(0, 1).astype(np.float32)
-        detail = Detail(observed_rgb, rendered_rgb, known)
-        fault = view_fault(detail, known)
+        # Windows around pixels at the border of the mask must see no step there.
+        compared_rgb = np.where(mask[..., None], observed_rgb, rendered_rgb)
+        detail = Detail(compared_rgb, rendered_rgb, known)
+        fault = view_fault(detail, known[mask])
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         unknown = self._unknown_pixels(images, known, detail, depth)
-        comparable = ~np.any(list(unknown.values()), axis=0)
-        features = self._features(observed_rgb), self._features(rendered_rgb)
+        comparable = mask & ~np.any(list(unknown.values()), axis=0)
+        features = self._features(compared_rgb), self._features(rendered_rgb)
         cosines = similarity(*features, *known.shape)
         fault = appearance_fault(features, cosines, comparable, depth)
         fault = fault or depth_fault(observed_depth, images.depth, comparable, depth)
@@ -251,7 +254,7 @@ class ChangeDetector:
         errors = self._expected_errors(images)
         views = _core.Views(
             camera=camera,
-            observed_rgb=observed_rgb,
+            observed_rgb=compared_rgb,
             rendered_rgb=rendered_rgb,
             observed_depth=observed_depth,
             rendered_depth=images.depth,
@@ -273,6 +276,7 @@ class ChangeDetector:
             fine_depths = observed_depth, rendered_depth, errors["depth_error"]
         if config.strategy == "gs_lts":  # It decides by the whole frame, not by regions.
             unknown = {}
+        unknown = {reason: mask & pixels for reason, pixels in unknown.items()}
         return Detection(
             changes=changes,
             unreliable=None,
@@ -356,6 +360,11 @@ class ChangeDetector:
             seen_through=counts.through.sum(),
             known_share=float(seen.mean()),
         )
+
+
+def _mask_of(frame: RgbdFrame) -> Bools:
+    """Return [H,W] the pixels in which the camera of a registered frame saw something."""
+    return np.ones(frame.depth.shape, np.bool_) if frame.mask is None else frame.mask
 
 
 def _mean_drawn(images: Images, channel: int) -> Floats32:

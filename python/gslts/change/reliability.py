@@ -35,11 +35,13 @@ def frame_fault(observed_rgb: Floats32) -> str | None:
     """Check a frame on its own.
 
     Args:
-        observed_rgb: [H,W,3] sRGB, 0 to 1.
+        observed_rgb: [K,3] sRGB of the pixels of its mask, 0 to 1.
 
     Returns:
         The reason why the frame is unusable; None if it is usable.
     """
+    if not len(observed_rgb):
+        return "the mask of the frame is empty"
     if (observed_rgb.max(axis=-1) < BLACK).mean() > MAX_CLIPPED_SHARE:
         return "the image is black"
     if (observed_rgb.min(axis=-1) > WHITE).mean() > MAX_CLIPPED_SHARE:
@@ -68,7 +70,7 @@ def view_fault(detail: Detail, known: Bools) -> str | None:
 
     Args:
         detail: Detail of the frame and of the rendering.
-        known: [H,W] pixels that the map covers.
+        known: [K] True for those pixels of the mask of the frame that the map covers.
 
     Returns:
         The reason why they cannot be compared; None if they can.
@@ -94,6 +96,8 @@ def appearance_fault(
     Returns:
         The reason why it shows another scene; None if it does not.
     """
+    if not known.any():
+        return "no part of the view can be compared"
     dissimilar = float((similarity[known] < SIMILAR).mean())
     if dissimilar <= MAX_DISSIMILAR_SHARE:
         return None

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from gslts._core.detect import Side, Surface
-from gslts.change.changes import box_of_mask
 from gslts.change.constants import (
     MAX_MISSING_SHARE,
     MAX_RECORDED_SHARE,
@@ -18,6 +17,7 @@ from gslts.change.constants import (
     MIN_SEEN_SHARE,
     MIN_UNKNOWN_SHARE,
 )
+from gslts.semantics.masks import PixelBox, box_of_mask
 from gslts.types import Bools, Ints32
 
 
@@ -33,7 +33,7 @@ class UnknownRegion:
     mask: Bools
     reason: str
 
-    def box_px(self, width: int) -> tuple[int, int, int, int]:
+    def box_px(self, width: int) -> PixelBox:
         """Return the box around the region in the image.
 
         Args:

@@ -5,6 +5,7 @@ scikit-learn and SciPy have both, but importing them takes longer than a query.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -40,6 +41,22 @@ def cell_keys(points: Floats | Floats32, edge_m: float) -> Ints:
     return keys
 
 
+def linked_groups(points: Floats, edge_m: float) -> Indices:
+    """Group points by cells that touch: points of several groups are more than an edge apart.
+
+    Args:
+        points: [K,3] m, at least one.
+        edge_m: Edge of a cell, m.
+
+    Returns:
+        [K] number of the group of each point, from 0.
+    """
+    cells, cell_of = np.unique(cell_keys(points, edge_m), return_inverse=True)
+    pairs = np.concatenate([np.stack(rows, axis=1) for rows in _touching(cells)])
+    groups = np.unique(connected_components(len(cells), pairs), return_inverse=True)[1]
+    return np.asarray(groups[cell_of], np.intp)
+
+
 def dbscan(points: Floats, radius_m: float, min_weight: int, weights: Indices) -> Indices:
     """Cluster weighted points with DBSCAN (Ester et al. 1996).
 
@@ -57,7 +74,8 @@ def dbscan(points: Floats, radius_m: float, min_weight: int, weights: Indices) -
     both = np.concatenate([pairs, pairs[:, ::-1]])
     neighbourhoods = weights + np.bincount(both[:, 0], weights[both[:, 1]], len(points))
     is_core = neighbourhoods >= min_weight
-    components = connected_components(len(points), pairs[is_core[pairs].all(axis=1)])
+    is_link = is_core[pairs[:, 0]] & is_core[pairs[:, 1]]
+    components = connected_components(len(points), pairs[is_link])
     labels = np.full(len(points), len(points))
     labels[is_core] = np.unique(components[is_core], return_inverse=True)[1]
     borders = both[~is_core[both[:, 0]] & is_core[both[:, 1]]]
@@ -81,7 +99,7 @@ def connected_components(count: int, pairs: Indices) -> Indices:
         roots = smallest[pairs]
         pairs = pairs[roots[:, 0] != roots[:, 1]]
         ends = smallest[pairs]
-        np.minimum.at(smallest, ends.max(axis=1), ends.min(axis=1))
+        np.minimum.at(smallest, np.maximum(*ends.T), np.minimum(*ends.T))
         while not np.array_equal(smallest, smallest[smallest]):
             smallest = smallest[smallest]
     return smallest
@@ -92,27 +110,37 @@ def _neighbour_pairs(points: Floats, radius_m: float) -> Indices:
     keys = cell_keys(points, radius_m)
     order = np.argsort(keys, kind="stable")
     cells, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    candidates = []
+    candidates = [
+        _products(starts[own], counts[own], starts[other], counts[other])
+        for own, other in _touching(cells)
+    ]
+    first, second = np.concatenate(candidates, axis=1)
+    ahead = first < second  # Within a cell, each pair occurs twice, and each point with itself.
+    first, second = order[first[ahead]], order[second[ahead]]
+    offsets = points.take(first, axis=0) - points.take(second, axis=0)  # Faster than points[first].
+    near = np.einsum("ij,ij->i", offsets, offsets) <= radius_m**2
+    return np.stack([first[near], second[near]], axis=1)
+
+
+def _touching(cells: Ints) -> Iterator[tuple[Indices, Indices]]:
+    """Yield both rows of all pairs of cells that touch, each once, and of each cell with itself.
+
+    Args:
+        cells: [C] keys, rising.
+    """
     for step in HALF_NEIGHBOURHOOD:
         at = np.searchsorted(cells, cells + step)
         at[at == len(cells)] = 0
         own = np.flatnonzero(cells[at] == cells + step)
-        candidates.append(_products(starts[own], counts[own], starts[at[own]], counts[at[own]]))
-    rows = order[np.concatenate(candidates)]
-    # Within a cell, each pair occurs twice, and each point with itself.
-    same = keys[rows[:, 0]] == keys[rows[:, 1]]
-    rows = rows[~same | (rows[:, 0] < rows[:, 1])]
-    offsets = points[rows[:, 0]] - points[rows[:, 1]]
-    pairs: Indices = rows[np.einsum("ij,ij->i", offsets, offsets) <= radius_m**2]
-    return pairs
+        yield own, at[own]
 
 
 def _products(
     starts: Indices, counts: Indices, other_starts: Indices, other_counts: Indices
 ) -> Indices:
-    """Return [P,2] for each line the Cartesian product of two ranges, by starts and counts."""
+    """Return [2,P] for each line the Cartesian product of two ranges, by starts and counts."""
     sizes = counts * other_counts
     line = np.repeat(np.arange(len(sizes)), sizes)
     nth = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    first = starts[line] + nth // other_counts[line]
-    return np.stack([first, other_starts[line] + nth % other_counts[line]], axis=1)
+    rows, others = np.divmod(nth, other_counts[line])
+    return np.stack([starts[line] + rows, other_starts[line] + others])

@@ -59,8 +59,8 @@ def embed_semantics(
         The features, the codec and the names.
 
     Raises:
-        ValueError: There is no frame, the source cannot segment one, or `code_dims` is out of
-            range.
+        ValueError: There is no frame or no segment, the source cannot segment a frame, or
+            `code_dims` is out of range.
     """
     if source.codec is not None:
         return _embed_classes(gaussian_map, frames, source, source.codec, threads)
@@ -69,6 +69,8 @@ def embed_semantics(
     cameras, labels, embeddings, names = _segment_frames(frames, source)
     if not cameras:
         raise ValueError("embed_semantics: frames: expected at least one, got none")
+    if not any(map(len, embeddings)):
+        raise ValueError("embed_semantics: frames: none has a segment")
     distinct, row_of = np.unique(np.concatenate(embeddings), axis=0, return_inverse=True)
     codec = train_autoencoder(np.concatenate([distinct, source.encode(NOUNS)]), code_dims)
     codes = codec.encode(distinct)[row_of.ravel()]

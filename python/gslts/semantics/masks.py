@@ -52,19 +52,23 @@ def paint_labels(masks: Bools) -> Ints32:
     return labels
 
 
-def box_of_mask(mask: Bools) -> PixelBox | None:
+def box_of_mask(mask: Bools, width: int | None = None) -> PixelBox | None:
     """Return the bounding box of a mask.
 
     Args:
-        mask: [H,W] bool.
+        mask: [H,W] bool, of an image or of a halved one.
+        width: Width of the image, px; None means that of the mask.
 
     Returns:
-        Columns [x0, x1) and rows [y0, y1), as (x0, y0, x1, y1); None if the mask is empty.
+        Columns [x0, x1) and rows [y0, y1) of the image, as (x0, y0, x1, y1); None if the mask is
+        empty.
     """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    scale = 1 if width is None else width // mask.shape[1]
+    x0, y0, x1, y1 = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
+    return scale * int(x0), scale * int(y0), scale * int(x1), scale * int(y1)
 
 
 def box_ious(box: PixelBox | Floats32, boxes: Floats32) -> Floats32:

@@ -13,7 +13,13 @@ import numpy as np
 
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.clusters import cell_keys, connected_components, dbscan
+from gslts.semantics.clusters import (
+    NOISE,
+    cell_keys,
+    connected_components,
+    dbscan,
+    linked_groups,
+)
 from gslts.semantics.prototypes import Prototypes, meaningful_rows
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
@@ -45,7 +51,8 @@ of blurred borders."""
 CELL_M = 0.02
 """Gaussians in a cell of this edge are clustered as one weighted point."""
 MAX_CELLS = 4_000
-"""With more cells, as of walls, their edge becomes half the DBSCAN radius; bounds time."""
+"""In a group of points with more cells, as of walls, their edge becomes half the DBSCAN radius;
+bounds time."""
 MAX_VERTICAL_GAP_M = 0.3
 """Maximum height of an unseen gap between two pieces of one object, such as base and shade of a
 lamp."""
@@ -286,13 +293,27 @@ def _peaks(scores: Floats32, labels: Indices) -> Floats32:
 
 
 def _cluster(points: Floats) -> Indices:
-    """Return [K] cluster of each point, -1 for noise; points of a cell are clustered as one."""
-    centers, cell_of, counts = _downsample(points, CELL_M)
+    """Return [K] cluster of each point, -1 for noise; points of a cell are clustered as one.
+
+    Groups without a link between them are clustered in batches of about `MAX_CELLS` cells, and
+    larger ones alone: but for the radius, objects do not depend on matches elsewhere.
+    """
+    centers, cell_of, _ = _downsample(points, CELL_M)
     sample = centers[:: -(-len(centers) // MAX_CELLS)]
     link_m = max(LINK_M, LINK_SPACINGS * _spacing_m(centers, sample))
-    if len(centers) > MAX_CELLS:
-        centers, cell_of, counts = _downsample(points, link_m / 2)
-    return dbscan(centers, link_m, MIN_NEIGHBOURS, counts)[cell_of]
+    groups = linked_groups(centers, link_m)
+    sizes = np.bincount(groups)
+    is_large = sizes > MAX_CELLS
+    small_until = np.cumsum(np.where(is_large, 0, sizes))
+    batches = np.where(is_large, -1 - np.arange(len(sizes)), (small_until - 1) // MAX_CELLS)
+    batch_of = batches[groups][cell_of]
+    labels = np.full(len(points), NOISE)
+    for batch in np.unique(batch_of):
+        own = np.flatnonzero(batch_of == batch)
+        centers, cell_of, counts = _downsample(points[own], link_m / 2 if batch < 0 else CELL_M)
+        found = dbscan(centers, link_m, MIN_NEIGHBOURS, counts)[cell_of]
+        labels[own] = np.where(found == NOISE, NOISE, found + labels.max() + 1)
+    return labels
 
 
 def _spacing_m(points: Floats, sample: Floats) -> float:

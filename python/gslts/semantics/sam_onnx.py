@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.io.onnx_file import find_onnx, first_line, open_onnx
+from gslts.io.onnx_file import MAX_SIDE_PX, find_onnx, first_line, open_onnx
 from gslts.semantics.download import download_hint
 from gslts.semantics.network_input import (
     IMAGENET_MEAN,
@@ -101,6 +101,10 @@ class _PaddedLayout:
         self._takes_bytes = len(shape) == 3  # [H,W,3], 0 to 255: it normalizes and pads itself.
         patches = encoder.outputs.get("image_embeddings", [None])[-1]
         self.side_px = PATCH_PX * patches if isinstance(patches, int) else SIDE_PX
+        if not 0 < self.side_px <= MAX_SIDE_PX:
+            raise ValueError(
+                f"{encoder.path}: expected images of 1..{MAX_SIDE_PX} px, got {self.side_px}"
+            )
 
     def embed(self, rgb: Bytes) -> EmbeddedImage:
         resized = resize_longest_side(rgb, self.side_px)

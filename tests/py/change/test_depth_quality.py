@@ -38,6 +38,10 @@ def test_large_steps_make_depth_coarse(step_m: float, expected: str) -> None:
     assert depth_quality(depth) == expected
 
 
+def test_the_depth_of_no_pixel_is_none() -> None:
+    assert depth_quality(np.zeros(0, np.float32)) == "none"
+
+
 @pytest.mark.parametrize("missing", [0.0, np.nan])
 def test_hardly_any_depth_is_none(missing: float) -> None:
     depth = np.full((60, 80), missing, np.float32)

@@ -122,6 +122,8 @@ def test_arrays_that_do_not_fit_are_named(name: str) -> None:
                 "min_match_score",
             )
         ],
+        ("find_changed_surfaces", ObjectRule(step_sigmas=0)),
+        ("find_changed_surfaces", ObjectRule(min_flat_color=0)),
     ],
 )  # fmt: skip
 def test_settings_out_of_range_are_named(function: str, rule: Any) -> None:
@@ -131,6 +133,15 @@ def test_settings_out_of_range_are_named(function: str, rule: Any) -> None:
     )
     with pytest.raises(ValueError, match=rf"^{function}: \w+ must be in \["):
         getattr(core, function)(views, *arguments)
+
+
+@pytest.mark.parametrize("noise", [(-0.01, 0.002), (0.008, np.nan), (np.inf, 0), (0, 0)])
+def test_noise_out_of_range_is_named(noise: tuple[float, float]) -> None:
+    """Depth steps are divided by it."""
+    views = core.Views(camera=CAMERA, **blank(), noise=noise)
+    masks = core.compute_masks(views, MaskRule())
+    with pytest.raises(ValueError, match=r"^find_changed_surfaces: noise.* must be in \["):
+        core.find_changed_surfaces(views, masks, ObjectRule())
 
 
 def test_views_keep_their_arrays_alive() -> None:

@@ -33,6 +33,13 @@ def test_much_may_differ_in_an_aligned_frame(share: float, with_depth: bool, wit
     assert (fault_of(observed, boxes(0), "none") is None) == without
 
 
+def test_without_a_known_pixel_nothing_can_be_compared() -> None:
+    features = OrientedGradients()(np.ascontiguousarray(boxes(0)))
+    cosines = np.ones((HEIGHT, WIDTH), np.float32)
+    fault = appearance_fault((features, features), cosines, ~KNOWN, "fine")
+    assert fault == "no part of the view can be compared"
+
+
 @pytest.mark.parametrize("roll_px", [0, 12, 30])
 def test_an_image_of_elsewhere_is_a_fault(roll_px: int) -> None:
     fault = fault_of(np.roll(boxes(0)[:, ::-1], roll_px, axis=1), boxes(0))

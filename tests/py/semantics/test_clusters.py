@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import coo_array, csgraph
 from sklearn.cluster import DBSCAN
 
-from gslts.semantics.clusters import NOISE, connected_components, dbscan
+from gslts.semantics.clusters import NOISE, connected_components, dbscan, linked_groups
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -42,6 +42,17 @@ def test_components_are_those_of_scipy(seed: int) -> None:
     labels = csgraph.connected_components(graph, directed=False)[1]
     first = np.array([np.flatnonzero(labels == label)[0] for label in labels])
     np.testing.assert_array_equal(connected_components(200, pairs), first)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_linked_groups_are_components_of_cells_that_touch(seed: int) -> None:
+    points = np.random.default_rng(seed).uniform(-0.6, 0.6, (150, 3))
+    cells = np.floor(points / 0.1)
+    touch = abs(cells[:, None] - cells).max(axis=2) <= 1
+    labels = csgraph.connected_components(coo_array(touch), directed=False)[1]
+    groups = linked_groups(points, 0.1)
+    assert len(set(labels)) == len(set(groups)) == len({*zip(labels, groups, strict=True)}) > 1
+    assert groups.min() == 0
 
 
 def test_a_long_chain_is_one_component() -> None:

@@ -94,6 +94,21 @@ def test_large_objects_are_clustered_in_larger_cells(monkeypatch: pytest.MonkeyP
         np.testing.assert_array_equal(instance, other)
 
 
+def test_copies_of_an_object_are_found_as_a_single_copy_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both halves of the object are linked by its small cells only."""
+    halves = block((0, 0, 0), (0.1, 0.1, 0.1)), block((0.165, 0, 0), (0.265, 0.1, 0.1))
+    copy = np.concatenate(halves)
+    monkeypatch.setattr(queries_module, "MAX_CELLS", 500)
+    assert len(queries(("Mug", copy)).find("mug")) == 1
+    rows = np.arange(60 * len(copy)).reshape(60, -1)
+    offsets = [np.array((0.53 * (number % 10), number // 10, 0)) for number in range(60)]
+    copies = [("Mug", copy + offset) for offset in offsets]
+    large = block((0, 8, 0), (0.3, 8.2, 0.3))  # Of more cells than 500 by itself.
+    found = queries(*copies, ("Mug", large)).find("mug")
+    objects = [*rows, rows.size + np.arange(len(large))]
+    assert sorted(tuple(instance.rows) for instance in found) == [tuple(own) for own in objects]
+
+
 def test_a_rotated_object_has_a_rotated_box() -> None:
     turn = np.deg2rad(30)
     sides = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from gslts.core.camera import camera_from_fov, look_at
+from gslts.core.frame import Labels
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.lift import lift_features
 from gslts.semantics.source import CANONICAL, Oracle, Segments, relevance
 from gslts.semantics.train_autoencoder import loss_and_gradients, train_autoencoder
@@ -47,6 +49,14 @@ def test_the_oracle_needs_labels() -> None:
     assert (segments.labels[0][types == ""] == -1).all()
     with pytest.raises(ValueError, match="Oracle: the frame has no labels"):
         Oracle().segments(replace(frame, labels=None))
+
+
+def test_frames_without_a_segment_are_rejected() -> None:
+    frame = change_room.see(change_room.home(), change_room.VIEWPOINTS[0])
+    nothing = Labels(np.full(frame.depth.shape, -1, np.int32), ())
+    gaussian_map, _ = change_room.mapped()
+    with pytest.raises(ValueError, match=r"^embed_semantics: frames: none has a segment$"):
+        embed_semantics(gaussian_map, [replace(frame, labels=nothing)], Oracle())
 
 
 @pytest.mark.parametrize(

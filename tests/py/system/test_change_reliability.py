@@ -149,6 +149,51 @@ def test_good_frames_are_reliable(view: str, noise: str) -> None:
         assert detection.changes == ()
 
 
+def masked(frame: RgbdFrame, mask: np.ndarray) -> RgbdFrame:
+    """Leave nothing outside a mask, as beyond the border of an undistorted image."""
+    rgb, depth = np.where(mask[..., None], frame.rgb, 0), np.where(mask, frame.depth, 0)
+    return with_depth(replace(with_rgb(frame, rgb), mask=mask), depth)
+
+
+MASK = np.zeros((120, 160), np.bool_)
+MASK[20:90, 50:105] = True
+"""A fifth of the image."""
+SMALL_MASK = np.zeros((120, 160), np.bool_)
+SMALL_MASK[30:70, 60:105] = True
+"""Less than a tenth of it."""
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("mask", [MASK, SMALL_MASK], ids=["fifth", "tenth"])
+def test_pixels_outside_the_mask_do_not_count(view: str, mask: np.ndarray) -> None:
+    frame = masked(see(change_room.home(), VIEWS[view], "kinect", seed=3), mask)
+    detection = change_room.detector().detect(frame)
+    assert detection.unreliable is None
+    assert detection.changes == detection.unknown == ()
+    assert detection.fine_depths is not None
+    assert not detection.fine_depths[1][~mask].any()
+
+
+def test_a_dark_image_within_a_mask_is_black() -> None:
+    frame = see(change_room.home(), VIEWS["front"])
+    dark = with_rgb(frame, np.where(MASK[..., None], frame.rgb // 50, frame.rgb))
+    detection = change_room.detector().detect(replace(dark, mask=MASK))
+    assert detection.unreliable == "the image is black"
+
+
+@pytest.mark.parametrize("view", ["front", "back", "corner", "along", "across"])
+def test_a_blurred_image_within_a_mask_is_blurred(view: str) -> None:
+    frame = see(change_room.home(), VIEWS[view], "kinect", seed=3)
+    blurred = masked(with_rgb(frame, cv2.GaussianBlur(frame.rgb, (0, 0), 4)), MASK)
+    assert change_room.detector().detect(blurred).unreliable == "the image is blurred"
+
+
+def test_an_empty_mask_leaves_nothing_to_compare() -> None:
+    frame = masked(see(change_room.home(), VIEWS["front"]), np.zeros_like(MASK))
+    detection = change_room.detector().detect(frame)
+    assert detection.unreliable == "the mask of the frame is empty"
+
+
 @pytest.mark.parametrize("view", VIEWS)
 def test_the_part_behind_a_smeared_window_is_unknown(view: str) -> None:
     frame = see(change_room.home(), VIEWS[view], "kinect", seed=3)

@@ -7,6 +7,7 @@ import numpy as np
 import onnx_exports
 import pytest
 import tiny_models
+from onnx import TensorProto, helper, save_model
 
 from gslts.semantics.sam import MaskGenerator
 from gslts.semantics.sam_onnx import open_onnx_sam
@@ -101,6 +102,23 @@ def test_bad_folders_are_named_in_one_line(sams: Path, tmp_path: Path) -> None:
             open_onnx_sam(folder).embed(image(48, 64))
         assert str(raised.value).startswith(str(folder))
         assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("patches", [0, 62_500])
+def test_an_image_side_out_of_range_is_rejected(sams: Path, tmp_path: Path, patches: int) -> None:
+    (decoder,) = (sams / "sam").glob("*decoder.onnx")
+    (tmp_path / "decoder.onnx").write_bytes(decoder.read_bytes())
+    image, embeddings = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, (1, 3, *size))
+        for name, size in (("image", ("h", "w")), ("image_embeddings", ("rows", patches)))
+    )
+    node = helper.make_node("Identity", ["image"], ["image_embeddings"])
+    graph = helper.make_graph([node], "encoder", [image], [embeddings])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    save_model(model, tmp_path / "encoder.onnx")
+    message = rf"encoder\.onnx: expected images of 1\.\.4096 px, got {16 * patches}$"
+    with pytest.raises(ValueError, match=message):
+        open_onnx_sam(tmp_path)
 
 
 def test_a_decoder_of_one_mask_is_rejected(sams: Path, tmp_path: Path) -> None:
