@@ -22,6 +22,7 @@ from gslts.extension.constants import (
     REPLAY_SEARCH_DIVISOR,
 )
 from gslts.extension.new_space import FrameSpace
+from gslts.io.images import to_rgb8
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import join
 from gslts.mapping.measure import count_measurements
@@ -177,10 +178,11 @@ def replay_frames(
         # Where the patch lacks what this camera sees, the fit would make it anew.
         own = rasterizer.forward(old, seeing[row], options)
         known = (images.alpha >= MIN_KNOWN_ALPHA) & (own.alpha >= MIN_KNOWN_ALPHA)
-        known &= np.abs(own.depth - images.depth) < surface_margin_m(images.depth)
-        rgb = (images.rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+        known &= np.abs(own.depth - images.depth) < surface_margin_m(
+            images.depth.astype(np.float64)
+        )
         depth = np.where(known, images.depth, 0).astype(np.float32)
-        frame = Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known))
+        frame = Observation.of(RgbdFrame(to_rgb8(images.rgb), depth, seeing[row], mask=known))
         frames.append(replace(frame, shows_known=True))
     return frames
 

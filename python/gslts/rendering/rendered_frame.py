@@ -7,6 +7,7 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.io.images import to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
 MIN_ALPHA = 0.5
@@ -22,6 +23,6 @@ def render_frame(gaussian_map: GaussianMap, camera: Camera, threads: int = 0) ->
         threads: 0 means one per hardware thread.
     """
     images = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=threads))
-    rgb = np.rint(255 * images.rgb.clip(0, 1)).astype(np.uint8)
+    rgb = to_rgb8(images.rgb)
     depth = np.where(images.alpha >= MIN_ALPHA, images.depth, 0).astype(np.float32)
     return RgbdFrame(rgb, depth, camera)

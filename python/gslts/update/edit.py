@@ -16,6 +16,7 @@ from gslts._core.fusion import SurfaceVoxels
 from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.io.images import to_rgb8
 from gslts.mapping.density.control import join
 from gslts.mapping.seeding.depth_seeds import MIN_HITS, seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -140,7 +141,7 @@ def _measured_frames(
     """Return masked frames with the exposure of the map, in the frame of its Gaussians."""
     frames = []
     for view, mask in zip(views, masks, strict=True):
-        colors = np.rint(255 * view.colors.clip(0, 1)).astype(np.uint8)
+        colors = to_rgb8(view.colors)
         camera = shift_origin(view.camera, kept.origin)
         allowed = mask if view.frame.mask is None else mask & view.frame.mask
         frames.append(RgbdFrame(colors, view.depth, camera, mask=allowed))

@@ -6,7 +6,6 @@ by held-out views. `gslts.update.pipeline` runs them on a map on disk.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +19,7 @@ from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.mapping.clock import Clock
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import UpdateRecord
@@ -133,7 +133,7 @@ def integrate_changes(
     """
     config = UpdateConfig() if config is None else config
     detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
-    clock = _Clock()
+    clock = Clock(None, {})
     collection = collect_views(
         robot,
         detector,
@@ -144,7 +144,7 @@ def integrate_changes(
         threads=config.threads,
         progress=lambda: progress("collecting"),
     )
-    clock.stop("collecting")
+    clock.note("collecting")
     rows = rows_of_update(gaussian_map, cameras, collection.views, collection.regions, config)
     before = gaussian_map.select(rows)
     updated, collection, record = integrate_views(
@@ -156,7 +156,7 @@ def integrate_changes(
         first_id=gaussian_map.next_id if first_id is None else first_id,
         on_step=lambda *_: progress("refining"),
     )
-    record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})
+    record = record.model_copy(update={"seconds": {**clock.stages, **record.seconds}})
     training, validation = split_views(
         collection.views, collection.regions_by_change, config.collect.validation_every
     )
@@ -227,7 +227,7 @@ def integrate_views(
     Raises:
         ValueError: All Gaussians would be removed.
     """
-    clock = _Clock()
+    clock = Clock(None, {})
     while True:
         updated, reasons, record = _integrate_once(
             gaussian_map, cameras, collection, config, detector, first_id, on_step, clock
@@ -244,8 +244,8 @@ def integrate_views(
     updated, counts = _refine(
         gaussian_map, edit, cameras, collection, views, config, detector, on_step
     )
-    clock.stop("refining")
-    return updated, collection, record.model_copy(update={**counts, "seconds": clock.seconds})
+    clock.note("refining")
+    return updated, collection, record.model_copy(update={**counts, "seconds": clock.stages})
 
 
 def _integrate_once(
@@ -256,7 +256,7 @@ def _integrate_once(
     detector: ChangeDetector | None,
     first_id: int | None,
     on_step: OnStep,
-    clock: _Clock,
+    clock: Clock,
 ) -> tuple[GaussianMap, list[str | None], UpdateRecord]:
     """Return the updated map, the reason for leaving out each change, or None, and the record."""
     threads, regions, by_change = config.threads, collection.regions, collection.regions_by_change
@@ -273,7 +273,7 @@ def _integrate_once(
 
     edit = _pre_edit(gaussian_map, collection, training, config, first_id)
     unsteady = unsteady_share(collection.move(gaussian_map), edit, training)
-    clock.stop("editing")
+    clock.note("editing")
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
     if unsteady > MAX_UNSTEADY_SHARE:
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
@@ -286,18 +286,18 @@ def _integrate_once(
     refined, counts = _refine(
         gaussian_map, edit, cameras, collection, training, config, detector, on_step
     )
-    clock.stop("refining")
+    clock.note("refining")
 
     groups = (regions, *by_change)
     before = [error_in_regions(gaussian_map, validation, own, threads) for own in groups]
     after = [error_in_regions(refined, validation, own, threads) for own in groups]
-    clock.stop("verifying")
+    clock.note("verifying")
     record = record.model_copy(
         update={
             **counts,
             "psnr_before_db": _psnr_db(before[0]),
             "psnr_after_db": _psnr_db(after[0]),
-            "seconds": clock.seconds,
+            "seconds": clock.stages,
         }
     )
     whole, *by_itself = [_no_better(old, new) for old, new in zip(before, after, strict=True)]
@@ -362,20 +362,6 @@ def _refine(
     }
 
 
-class _Clock:
-    """Run time of each stage so far, s."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last_s = time.perf_counter()
-
-    def stop(self, stage: str) -> None:
-        """Add the time since the previous stage."""
-        now_s = time.perf_counter()
-        spent_s = self.seconds.get(stage, 0.0) + now_s - self._last_s
-        self.seconds[stage], self._last_s = round(spent_s, 3), now_s
-
-
 def _no_better(old: float | None, new: float | None) -> str | None:
     """Return the reason if an error did not fall enough; None if it did."""
     if old is not None and new is not None and new < MAX_ERROR_SHARE * old:
@@ -383,8 +369,8 @@ def _no_better(old: float | None, new: float | None) -> str | None:
     return f"validation views do not fit better: {_describe(old)} before, {_describe(new)} after"
 
 
-def _reject(record: UpdateRecord, reason: str, clock: _Clock) -> UpdateRecord:
-    return record.model_copy(update={"rejected": reason, "seconds": clock.seconds})
+def _reject(record: UpdateRecord, reason: str, clock: Clock) -> UpdateRecord:
+    return record.model_copy(update={"rejected": reason, "seconds": clock.stages})
 
 
 def _psnr_db(error: float | None) -> float | None:

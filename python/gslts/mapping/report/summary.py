@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset
+from gslts.io.images import to_rgb8
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import write_landmarks
 from gslts.mapping.engine import MappingResult
@@ -25,7 +25,7 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
 from gslts.store.measurement_files import write_measurements
 from gslts.store.trajectory_file import TRAJECTORY, write_trajectory
-from gslts.types import Bytes, Floats
+from gslts.types import Floats
 
 MIN_TRAINING_PSNR_DB = 19.0
 """Minimum PSNR of a training frame that the map reproduces, dB: errors of a ninth of the range. A
@@ -213,7 +213,7 @@ def _views(result: MappingResult, threads: int) -> list[View]:
             View(
                 name=name,
                 photo=frame.rgb[0],
-                render=_bytes(rgb),
+                render=to_rgb8(rgb),
                 measured_depth=frame.depth(),
                 rendered_depth=images.depth.astype(np.float32),
                 psnr_db=psnr_db(rgb, frame.color(), frame.mask()),
@@ -269,7 +269,3 @@ def _found_lenses(result: MappingResult) -> Lenses:
 
 def _plain(lenses: Lenses) -> dict[str, Any]:
     return {"color": camera_to_json(lenses.color), "depth": camera_to_json(lenses.depth)}
-
-
-def _bytes(rgb: FloatArray) -> Bytes:
-    return (rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
