@@ -24,6 +24,7 @@ from gslts.cli.semantics import semantics
 from gslts.cli.share import clone, pull, push
 from gslts.cli.update import update
 from gslts.cli.view import view
+from gslts.io.messages import to_line
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -118,7 +119,7 @@ def _in_one_line(error: Exception) -> str:
     text = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror is not None:
         text = f"{os.fsdecode(error.filename)}: {error.strerror}"
-    return " ".join(text.split()) or type(error).__name__
+    return to_line(text) or type(error).__name__
 
 
 def main() -> None:

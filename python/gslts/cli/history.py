@@ -217,8 +217,9 @@ def _history_json(store: History, name: str | None) -> str:
 def _print_history(store: History) -> None:
     from gslts.store.describe import describe_rejection, describe_versions
 
+    versions = store.versions()  # First: another command may add versions meanwhile.
     lines, rejections = describe_versions(store), store.rejections()
-    for version in reversed(store.versions()):
+    for version in reversed(versions):
         for rejection in rejections:
             if rejection.version == version.number:
                 typer.echo(_line("", rejection, describe_rejection(rejection)))

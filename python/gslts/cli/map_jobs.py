@@ -40,7 +40,7 @@ class MapUnit:
         return str(self.out)
 
     def run(self, _done: frozenset[str], add: Add) -> None:
-        """Make the map, from the checkpoint of an interrupted run if there is one; see `Unit`.
+        """Make the map, from what an interrupted run kept if there was one; see `Unit`.
 
         Args:
             _done: Ignored: a map that is there is done.
@@ -51,7 +51,7 @@ class MapUnit:
             if self.out.exists():
                 typer.echo(f"{self.out} is there already")
             else:
-                resume = mapping.beside(self.out, mapping.CHECKPOINT).exists()
+                resume = mapping.is_interrupted(self.out)
                 mapping.make([self.dataset], self.out, **self.options, resume=resume)
         add({"id": f"{self.name}: map", "said": said.getvalue()})
 

@@ -97,7 +97,7 @@ def make(
         ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run from its checkpoint.")
+        bool, typer.Option("--resume", help="Continue an interrupted run from what it kept.")
     ] = False,
     threads: Threads = 0,
     jobs: NumberOfJobs = None,
@@ -156,7 +156,9 @@ def make(
             f"{saved}: an interrupted run; continue it with --resume, or remove the file"
         )
     if colmap.exists() and not resume:
-        raise FileExistsError(f"{colmap} is there already; map this data set, or remove it")
+        raise FileExistsError(f"{colmap} is there already; use it with --resume, or remove it")
+    if resume and not is_interrupted(out):
+        raise FileNotFoundError(f"{saved} is missing: there is no interrupted run to continue")
     if not resume:
         trajectory.unlink(missing_ok=True)
     options = {
@@ -167,7 +169,7 @@ def make(
     }
     chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
-    start = read_checkpoint(saved) if resume else None
+    start = read_checkpoint(saved) if saved.exists() else None
     opened = open_with_poses(dataset, poses, every, out, threads)
     if tilt := describe_tilt([frame.camera for frame in opened.frames]):
         typer.echo(
@@ -193,6 +195,15 @@ def beside(out: Path, ending: str) -> Path:
         ending: Ending of the file, such as `CHECKPOINT`.
     """
     return out.with_name(out.name + ending)
+
+
+def is_interrupted(out: Path) -> bool:
+    """Return True if a run that was to make a map kept its state or poses.
+
+    Args:
+        out: Folder of the map, which does not exist.
+    """
+    return any(beside(out, ending).exists() for ending in (CHECKPOINT, TRAJECTORY, COLMAP))
 
 
 def echo_skipped(left_out: Iterable[str]) -> None:

@@ -14,6 +14,8 @@ from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import product
 from gslts.datasets.files import MissingImageError
+from gslts.io.bounded_files import read_bounded
+from gslts.io.messages import to_line
 
 RIGID_TOLERANCE = 0.02
 """Maximum error of the singular values of a rotation; those of 7-Scenes err by up to 0.005."""
@@ -134,9 +136,9 @@ def gather(
         try:
             frames.append(make(entry))
         except MissingImageError as error:
-            missing.append(str(error))
+            missing.append(to_line(str(error)))
         except (OSError, ValueError) as error:
-            skipped.append(f"{name}: {error}")
+            skipped.append(to_line(f"{name}: {error}"))
     return tuple(frames), tuple(skipped), tuple(missing)
 
 
@@ -170,7 +172,7 @@ def reason_of(error: Exception) -> str:
     Args:
         error: An error of any type.
     """
-    return " ".join(str(error).split()) or type(error).__name__
+    return to_line(str(error)) or type(error).__name__
 
 
 def name_of(path: Path) -> str:
@@ -274,10 +276,7 @@ def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
         OSError: The file cannot be read.
         ValueError: The file is too long, or does not hold that many numbers and nothing else.
     """
-    with path.open("rb") as file:
-        content = file.read(MAX_MATRIX_BYTES + 1)
-    if len(content) > MAX_MATRIX_BYTES:
-        raise ValueError(f"{path}: over {MAX_MATRIX_BYTES} bytes, too long for a matrix of {shape}")
+    content = read_bounded(path, MAX_MATRIX_BYTES)
     try:
         numbers = np.array(content.decode(errors="replace").split(), np.float64)
     except ValueError as error:

@@ -1,26 +1,21 @@
-"""Files of data sets, which are untrusted: bounded reading, JSON, and names of images."""
+"""Files of data sets, which are untrusted: JSON, rows of text, and names of images."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path, PurePosixPath
-from typing import IO, Any, Protocol, TypeVar
+from typing import TypeVar
 
 from pydantic import TypeAdapter, ValidationError
+
+from gslts.io.bounded_files import Readable, read_bounded
+from gslts.io.messages import first_problem
 
 MAX_LIST_BYTES = 1 << 28
 """Maximum size of a file that lists frames: 100,000 frames of nerfstudio take 60 MiB, an hour of
 TUM at 30 Hz 10 MiB."""
 
 Content = TypeVar("Content")
-
-
-class Readable(Protocol):
-    """A file on the disk (`Path`) or in an archive (`zipfile.Path`)."""
-
-    def open(self, mode: Any) -> IO[Any]:
-        """See `Path.open`."""
-        ...
 
 
 class MissingImageError(ValueError):
@@ -49,34 +44,11 @@ def image_file(folder: Path, name: str, kind: str = "image") -> Path:
     """
     parts = PurePosixPath(name)
     if parts.is_absolute() or ".." in parts.parts:
-        raise ValueError(f"the name {name[:80]!r} of an {kind} leads out of the data set")
+        raise ValueError(f"the name {name[:80]!r} of an image leads out of the data set")
     path = folder / parts
     if not path.is_file():
         raise MissingImageError(name, kind)
     return path
-
-
-def read_bounded(path: Readable, max_bytes: int = MAX_LIST_BYTES) -> bytes:
-    """Read a file, if it is not too large.
-
-    Args:
-        path: A file.
-        max_bytes: Maximum size.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is larger, or its archive is damaged.
-    """
-    try:
-        with path.open("rb") as file:
-            content: bytes = file.read(max_bytes + 1)
-    except OSError:
-        raise
-    except Exception as error:  # A damaged archive raises errors of any kind.
-        raise ValueError(f"{path}: {error}") from None
-    if len(content) > max_bytes:
-        raise ValueError(f"{path}: larger than {max_bytes:,} bytes")
-    return content
 
 
 def read_json(path: Readable, kind: type[Content]) -> Content:
@@ -91,9 +63,9 @@ def read_json(path: Readable, kind: type[Content]) -> Content:
         ValueError: The file is too large, or its content is not of that type.
     """
     try:
-        return TypeAdapter(kind).validate_json(read_bounded(path))
+        return TypeAdapter(kind).validate_json(read_bounded(path, MAX_LIST_BYTES))
     except ValidationError as error:
-        raise ValueError(f"{path}: {first_error(error)}") from None
+        raise ValueError(f"{path}: {first_problem(error)}") from None
 
 
 def read_rows(path: Readable, columns: int, numbers: int) -> tuple[list[list[str]], list[str]]:
@@ -112,7 +84,7 @@ def read_rows(path: Readable, columns: int, numbers: int) -> tuple[list[list[str
         ValueError: The file is too large.
     """
     rows, bad = [], []
-    text = read_bounded(path).decode(errors="replace")
+    text = read_bounded(path, MAX_LIST_BYTES).decode(errors="replace")
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -129,17 +101,3 @@ def _is_finite(word: str) -> bool:
         return math.isfinite(float(word))
     except ValueError:
         return False
-
-
-def first_error(error: ValidationError) -> str:
-    """Return the first error of a content in one line.
-
-    Args:
-        error: Of pydantic.
-    """
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
-    value = first["input"]
-    if not where or not isinstance(value, str | int | float):  # Others may be as long as the file.
-        return f"{where or 'file'}: {first['msg']}"
-    return f"{where}: {first['msg']}, got {value!r:.40}"

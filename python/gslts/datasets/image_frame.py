@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
 from gslts.datasets.dataset import MAX_PIXELS, reason_of
-from gslts.datasets.files import Readable
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
+from gslts.io.bounded_files import Readable
+
+FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "PPM")
+"""Formats of image files. Pillow reads more, with old decoders, and runs a program for EPS."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,7 @@ class ImageFrame:
     """A frame stored as image files.
 
     Args:
-        rgb: Colour image, of any format that Pillow reads.
+        rgb: Colour image, in one of `FORMATS`.
         camera: Intrinsics and pose of the colour image.
         depth: 16-bit image of z in the camera frame; None without depth.
         depth_unit_m: Metres of one step of the depth image.
@@ -136,10 +139,11 @@ def image_size(path: Readable) -> tuple[int, int]:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with path.open("rb") as file, Image.open(file) as image:
+        with path.open("rb") as file, Image.open(file, formats=FORMATS) as image:
             return image.size
     except UnidentifiedImageError:
-        raise ValueError(f"{path}: not an image") from None
+        known = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+        raise ValueError(f"{path}: not an image in {known}") from None
     except OSError:
         raise
     except Exception as error:  # Pillow raises errors of any kind for damage.
@@ -169,7 +173,7 @@ def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        with Image.open(path, formats=FORMATS) as image:
             return np.asarray(image.convert(mode))
     except Exception as error:  # As above.
         raise ValueError(f"{path}: {reason_of(error)}") from None

@@ -22,10 +22,11 @@ from gslts.datasets.dataset import (
     pinhole,
     rigid,
 )
-from gslts.datasets.files import first_error, image_file, read_json
+from gslts.datasets.files import MissingImageError, image_file, read_json
 from gslts.datasets.image_frame import ImageFrame, image_size, with_unique_names
 from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.datasets.undistort import Lens, lens_or_none
+from gslts.io.messages import first_problem
 
 OBJECTS = "objects.json"
 """File with the types of the labelled objects."""
@@ -110,7 +111,7 @@ def open_nerfstudio(path: Path) -> Dataset:
         try:
             frame = _Frame.model_validate({**_merge_shared(content), **_dict(values)})
         except ValidationError as error:
-            raise ValueError(first_error(error)) from None
+            raise ValueError(first_problem(error)) from None
         made = _image_frame(path, frame, content, number, types)
         if frame.transform_matrix is None:
             unposed.add(made.rgb)
@@ -166,8 +167,10 @@ def _image_frame(
 
 def _instances(path: Path, frame: _Frame) -> Path | None:
     """Return the label image if it exists: frames can be used without it."""
-    name = frame.instance_file_path
-    return path / name if name and (path / name).exists() else None
+    try:
+        return image_file(path, frame.instance_file_path) if frame.instance_file_path else None
+    except MissingImageError:
+        return None
 
 
 def _types(path: Path) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from gslts.fleet.building_file import (
 from gslts.fleet.building_history import RoomHistory, read_room_history
 from gslts.fleet.cache import cached_clone
 from gslts.fleet.url import is_url
+from gslts.io.messages import to_line
 
 if TYPE_CHECKING:  # `show` needs neither semantics nor path planning.
     from gslts.core.robot_body import RobotBody
@@ -168,5 +169,5 @@ class Building:
             try:
                 results[room] = read(room)
             except (OSError, ValueError) as error:
-                problems[room] = " ".join(str(error).split())
+                problems[room] = to_line(str(error))
         return results, problems

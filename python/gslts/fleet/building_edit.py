@@ -11,7 +11,8 @@ from gslts.core.robot_body import RobotBody
 from gslts.datasets.dataset import read_numbers
 from gslts.fleet.building import Building
 from gslts.fleet.building_file import BuildingFile, Door, Room, locate_map, write_building_file
-from gslts.store.causes import Motion, Point, first_problem
+from gslts.io.messages import first_problem
+from gslts.store.causes import Motion, Point
 from gslts.store.manifest import require_map_folder
 
 

@@ -21,7 +21,9 @@ from pydantic import (
 from gslts.datasets.dataset import rigid
 from gslts.fleet.url import is_url, require_url
 from gslts.io.atomic_files import write_atomic
-from gslts.store.causes import Motion, Point, first_problem
+from gslts.io.bounded_files import read_bounded
+from gslts.io.messages import first_problem
+from gslts.store.causes import Motion, Point
 from gslts.types import Floats
 
 MAX_FILE_BYTES = 4 << 20
@@ -122,8 +124,6 @@ def read_building_file(location: str) -> BuildingFile:
         ValueError: It is too large, no JSON, or not a building.
     """
     content = _read(location)
-    if len(content) > MAX_FILE_BYTES:
-        raise ValueError(f"{location}: larger than {MAX_FILE_BYTES} bytes")
     try:
         json.loads(content, object_pairs_hook=_require_distinct)
         building = BuildingFile.model_validate_json(content)
@@ -179,13 +179,11 @@ def locate_map(name: str, room: Room, location: str) -> str:
 
 
 def _read(location: str) -> bytes:
-    """Return the content of a file, or a little more than is allowed of a larger one."""
     if is_url(location):
         from gslts.fleet.remote_file import read_remote_file
 
         return read_remote_file(location, MAX_FILE_BYTES)
-    with Path(location).open("rb") as file:
-        return file.read(MAX_FILE_BYTES + 1)
+    return read_bounded(Path(location), MAX_FILE_BYTES)
 
 
 def _require_distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:

@@ -63,7 +63,8 @@ def read_room_history(path: Path, since_s: float) -> RoomHistory:
         ValueError: The path is no folder of a map, or a file is damaged.
     """
     with open_history(path) as store:
-        versions, rejections, tracks = store.versions(), store.rejections(), store.tracks()
+        versions, rejections = store.versions(), store.rejections()
+        tracks = store.tracks(versions[-1].number)  # Another command may add versions meanwhile.
     records: list[Version | Rejection] = [*versions, *rejections]
     records.sort(key=lambda record: -record.time_s)
     made = {version.number: version for version in versions}

@@ -30,8 +30,12 @@ def cached_clone(url: str) -> Path:
     """
     folder = _cache_folder(require_url(url))
     if not folder.exists():
-        clone_map(url, folder)
-        return folder
+        try:
+            clone_map(url, folder)
+            return folder
+        except OSError:
+            if not folder.exists():  # Else another command was faster.
+                raise
     try:
         pull_map(folder)
     except BlockingIOError:

@@ -18,7 +18,13 @@ from gslts.fleet.state import (
     require_remote_state,
     write_remote_state,
 )
-from gslts.io.atomic_files import remove_tree, sync_folder, temporary_path, write_atomic
+from gslts.io.atomic_files import (
+    name_in_errors,
+    remove_tree,
+    sync_folder,
+    temporary_path,
+    write_atomic,
+)
 from gslts.store.history import INDEX
 from gslts.store.index import Index
 from gslts.store.manifest import update_image_path
@@ -80,7 +86,8 @@ def clone_map(url: str, folder: Path) -> Version:
     first = fetched[0].shared
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_path(folder)
-    temporary.mkdir()
+    with name_in_errors(folder, temporary):
+        temporary.mkdir()
     try:
         Index(temporary / INDEX, new=True).close()
         files = first.files.items()

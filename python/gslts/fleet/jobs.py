@@ -24,6 +24,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 from uuid import uuid4
 
 from gslts.fleet.installation import describe_installation
+from gslts.io.messages import to_line
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster, Worker
@@ -182,7 +183,7 @@ def message_of(error: Exception) -> str:
     Args:
         error: The error.
     """
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    return to_line(f"{type(error).__name__}: {error}")
 
 
 def _count(left: dict[str, int], bar: Any, event: tuple[float, str]) -> None:

@@ -98,7 +98,7 @@ class RemoteStore:
             with named_errors(self.url, "reading"):
                 found = obstore.get(self._store, name)
                 if found.meta["size"] > max_bytes:
-                    raise ValueError(f"{self.url}/{name}: larger than {max_bytes} bytes")
+                    raise ValueError(f"{self.url}/{name}: larger than {max_bytes:,} bytes")
                 return bytes(found.bytes())
         except FileNotFoundError:
             return None
@@ -232,8 +232,9 @@ class RemoteStore:
     def _for_each(
         self, work: Callable[[Blob, Path], None], files: Sequence[tuple[Blob, Path]]
     ) -> None:
+        blobs = {path: blob for blob, path in files}  # Versions may share a file.
         with ThreadPoolExecutor(CONNECTIONS) as pool:
-            futures = [pool.submit(work, blob, path) for blob, path in files]
+            futures = [pool.submit(work, blob, path) for path, blob in blobs.items()]
             try:
                 for future in futures:
                     future.result()
@@ -258,7 +259,7 @@ class RemoteStore:
             return
         name = blob_name(blob)
         if blob.size > MAX_BLOB_BYTES:
-            raise ValueError(f"{self.url}/{name}: larger than {MAX_BLOB_BYTES} bytes")
+            raise ValueError(f"{self.url}/{name}: larger than {MAX_BLOB_BYTES:,} bytes")
         try:
             with named_errors(self.url, "reading"):
                 found = obstore.get(self._store, name)

@@ -14,9 +14,10 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from gslts.io.messages import first_problem
 from gslts.localization.landmark_files import LANDMARK_FILES
 from gslts.semantics.files import autoencoder_path
-from gslts.store.causes import Record, Sha256, first_problem
+from gslts.store.causes import Record, Sha256
 from gslts.store.manifest import CAMERAS, MANIFEST, update_image_path
 from gslts.store.measurement_files import MEASUREMENT_FILES
 from gslts.store.records import Blob, ObjectEvent, Rejection, Snapshot, Version

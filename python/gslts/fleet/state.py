@@ -8,7 +8,9 @@ from typing import Literal
 from pydantic import ValidationError
 
 from gslts.io.atomic_files import write_atomic
-from gslts.store.causes import Count, Record, Sha256, first_problem
+from gslts.io.bounded_files import read_bounded
+from gslts.io.messages import first_problem
+from gslts.store.causes import Count, Record, Sha256
 
 STATE = "remote.json"
 """File name in the folder of the map."""
@@ -48,8 +50,7 @@ def read_remote_state(folder: Path) -> RemoteState | None:
     path = folder / STATE
     if not path.exists():
         return None
-    with path.open("rb") as file:
-        content = file.read(MAX_BYTES)
+    content = read_bounded(path, MAX_BYTES)
     try:
         return RemoteState.model_validate_json(content)
     except ValidationError as error:

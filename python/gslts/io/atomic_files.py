@@ -31,12 +31,13 @@ def write_atomic(path: Path, *content: ReadableBuffer) -> None:
     """
     temporary = temporary_path(path)
     try:
-        with name_in_errors(path), temporary.open("wb", buffering=BUFFER_BYTES) as file:
-            for part in content:
-                file.write(part)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        with name_in_errors(path, temporary):
+            with temporary.open("wb", buffering=BUFFER_BYTES) as file:
+                for part in content:
+                    file.write(part)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
     except BaseException:
         remove_tree(temporary)
         raise
@@ -95,18 +96,19 @@ def remove_tree(path: Path) -> None:
 
 
 @contextmanager
-def name_in_errors(path: Path) -> Iterator[None]:
-    """Add the path to errors of writing, such as of a full disk, as errors of opening have it.
+def name_in_errors(path: object, partial: Path | None = None) -> Iterator[None]:
+    """Name the path in errors of the system that name none, such as of a full disk.
 
     Args:
-        path: File that is written in the `with` block.
+        path: File that is read or written in the `with` block.
+        partial: Path from `temporary_path`, which users do not know; errors name `path` instead.
     """
     try:
         yield
     except OSError as error:
-        if error.filename is None and error.errno is not None:
-            error.filename = str(path)
-        raise
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def empty_folder(path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, NoReturn, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.io.messages import to_line
 from gslts.types import Floats
 
 Tree = dict[str, Any]
@@ -121,8 +122,7 @@ class GltfFile:
         Args:
             problem: What is wrong.
         """
-        line = " ".join(problem.split())
-        raise BadFileError(f"{self.path}: {line[:300]}")
+        raise BadFileError(f"{self.path}: {to_line(problem)[:300]}")
 
     def supports(self, extension: str) -> bool:
         """Return whether a file may require an extension; this class knows none.

@@ -116,7 +116,7 @@ def _require_known(file: GltfFile, primitive: Tree) -> None:
         if extension.get(key, default) != known:
             file.reject(f"{EXTENSION}: {key} is {extension.get(key)!r}, only {known!r} is read")
     if extension.get("extensions"):
-        file.reject(f"{EXTENSION} is extended by {list(extension['extensions'])}, not supported")
+        file.reject(f"{EXTENSION} is extended by {extension['extensions']}, not supported")
 
 
 def _root_from_node(file: GltfFile, node: int) -> Floats:

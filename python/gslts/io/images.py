@@ -32,10 +32,10 @@ def write_image(path: Path, image: RgbImage) -> None:
 
     Raises:
         OSError: The file cannot be written.
-        ValueError: The suffix is that of no image format.
+        ValueError: The suffix is that of no image format that can be written.
     """
     kind = Image.registered_extensions().get(path.suffix.lower())
-    if kind is None:
+    if kind not in Image.SAVE:
         raise ValueError(f"{path}: expected the name of an image, such as {path.stem}.png")
     content = BytesIO()
     Image.fromarray(image).save(content, kind)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from gslts.io.messages import to_line
+
 MAX_FILE_BYTES = 1 << 30
 """Maximum size of a file, 1 GiB; bounds the memory that a wrong file takes. The largest of the
 usual detectors have 0.3 GiB."""
@@ -109,4 +111,4 @@ def first_line(error: Exception) -> str:
     Args:
         error: Its exception.
     """
-    return " ".join(str(error).split())[:300]
+    return to_line(str(error))[:300]

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslts.io.atomic_files import write_atomic
+from gslts.io.bounded_files import read_bounded
+from gslts.io.messages import first_problem
 from gslts.keeper.schedule import DeferredChange
-from gslts.store.causes import first_problem
 
 STATE = "keeper.json"
 """File name in the folder of the map."""
@@ -58,8 +59,7 @@ def read_state(folder: Path) -> KeeperState:
     path = folder / STATE
     if not path.exists():
         return KeeperState()
-    with path.open("rb") as file:
-        content = file.read(MAX_BYTES)
+    content = read_bounded(path, MAX_BYTES)
     try:
         return KeeperState.model_validate_json(content)
     except ValidationError as error:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
+from gslts.io.atomic_files import remove_tree, sync_folder, write_atomic
+from gslts.io.bounded_files import read_bounded
 from gslts.store.blobs import SUFFIX
 from gslts.store.causes import ExtensionCause, UpdateCause
 from gslts.store.manifest import MANIFEST, read_manifest
@@ -101,12 +102,9 @@ class AddedFiles:
         """
         path = self.find(folder, digest)
         try:
-            with name_in_errors(path), path.open("rb") as file:
-                content = file.read(self.max_bytes + 1)
+            content = read_bounded(path, self.max_bytes)
         except FileNotFoundError:
             raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None
-        if len(content) > self.max_bytes:
-            raise ValueError(f"{path}: larger than {self.max_bytes >> 20} MiB")
         if hashlib.sha256(content).hexdigest() != digest:
             raise ValueError(f"{path}: it is damaged: it has another SHA-256; {REPAIR}")
         with self.name_in_errors(folder, digest):

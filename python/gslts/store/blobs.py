@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
@@ -87,7 +88,10 @@ class Blobs:
         with missing_file(path), path.open("rb") as file:
             content = file.read(blob.size + 1)  # More is not needed to see that it differs.
         self._require(len(content) == blob.size, hashlib.sha256(content).hexdigest(), blob)
-        arrays: dict[str, NDArray[Any]] = load(content)
+        try:
+            arrays: dict[str, NDArray[Any]] = load(content)
+        except (SafetensorError, KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path}: no arrays: {error}; {REPAIR}") from None
         return arrays
 
     def verify(self, blob: Blob) -> None:

@@ -13,7 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from gslts.core.camera import Camera, TrainingCamera, at_pose, new_viewpoints
 from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
-from gslts.store.causes import UpdateFrame, ViewsCause, first_problem
+from gslts.io.bounded_files import read_bounded
+from gslts.io.messages import first_problem
+from gslts.store.causes import UpdateFrame, ViewsCause
 from gslts.store.history import History
 from gslts.store.manifest import CAMERAS, split_version
 from gslts.store.map_folder import camera_to_json, open_map
@@ -201,10 +203,7 @@ def read_camera_path(path: Path, intrinsics: Camera | None = None) -> list[Camer
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file:
-        content = file.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
+    content = read_bounded(path, MAX_BYTES)
     try:
         value = json.loads(content)
     except (ValueError, RecursionError) as error:

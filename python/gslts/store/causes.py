@@ -19,6 +19,8 @@ from pydantic import (
     model_validator,
 )
 
+from gslts.io.messages import first_problem
+
 ChangeKind = Literal["addition", "removal", "relocation", "shift"]
 Count = Annotated[int, Field(ge=0)]
 Number = Annotated[int, Field(ge=1)]
@@ -380,17 +382,3 @@ def require_motion(kind: ChangeKind, motion: Motion | None) -> None:
     """
     if (motion is not None) != (kind == "shift"):
         raise ValueError(f"motion: a shift needs one, other kinds have none, got {kind}")
-
-
-def first_problem(error: ValidationError) -> str:
-    """Describe the first problem of a validation error in one line.
-
-    Args:
-        error: From pydantic.
-
-    Returns:
-        The path of the field, and the message.
-    """
-    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-    field = ".".join(str(part) for part in first["loc"])
-    return f"{field}: {first['msg']}" if field else first["msg"]

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from gslts.store.causes import first_problem, rejected_cause_from_json, version_cause_from_json
+from gslts.io.messages import first_problem
+from gslts.store.causes import rejected_cause_from_json, version_cause_from_json
 from gslts.store.index_file import IndexFile
 from gslts.store.records import Blob, Event, ObjectEvent, Rejection, Snapshot, Version
 

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from gslts.io.bounded_files import read_bounded
+
 FORMAT, FORMAT_VERSION = "gslts-map", 2
 """Marks of the manifest; another version is rejected."""
 MANIFEST, CAMERAS = "manifest.json", "cameras.json"
@@ -30,13 +32,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_MANIFEST_BYTES + 1)
+        content = read_bounded(path, MAX_MANIFEST_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         found = f"it has no {MANIFEST}" if folder.is_dir() else "there is no such folder"
         raise FileNotFoundError(f"{folder}: {found}; gslts map makes a map") from None
     try:
-        manifest = json.loads(content[:MAX_MANIFEST_BYTES])
+        manifest = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:

@@ -61,7 +61,8 @@ def write_map_folder(
     head = {"format": FORMAT, "version": FORMAT_VERSION, "gaussians": gaussian_map.size}
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_path(folder)
-    temporary.mkdir()
+    with name_in_errors(folder, temporary):
+        temporary.mkdir()
     try:
         MapStore.create(temporary, gaussian_map, cause)
         records = {name: camera_to_json(camera) for name, camera in cameras.items()}

@@ -139,7 +139,7 @@ class SnapshotFile:
             self._layout, self._starts, table = self._read_head(snapshot)
             self._checksums, self._boxes, self._max_log_scales, *runs, self.origin = table
             self._ids = IdRuns(self._layout["ids"][1][0], *runs)
-        except (KeyError, TypeError, ValueError, RecursionError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{label}: its head is damaged: {error}; {REPAIR}") from None
         self.count = len(self._checksums)
 
@@ -230,7 +230,7 @@ class SnapshotFile:
             raise ValueError("the header is too long")
         header = os.pread(self._descriptor, 8 + length, 0)
         layout: Layout = {
-            name: (np.dtype(DTYPES[entry["dtype"]]), tuple(entry["shape"]))
+            name: (np.dtype(DTYPES[entry["dtype"]]), _parse_shape(entry["shape"]))
             for name, entry in json.loads(header[8:]).items()
         }
         sizes = [prod(shape) * dtype.itemsize for dtype, shape in layout.values()]
@@ -254,6 +254,13 @@ class SnapshotFile:
             for name in TABLE
         ]
         return layout, starts, table
+
+
+def _parse_shape(value: Any) -> tuple[int, ...]:
+    counts = value if isinstance(value, list) else []
+    if not counts or not all(type(count) is int and 0 <= count < 1 << 48 for count in counts):
+        raise ValueError(f"the shape of an array is {value!r:.40}")
+    return tuple(counts)
 
 
 def _header(layout: Layout) -> bytes:

@@ -190,6 +190,17 @@ def test_images_outside_of_the_folder_are_not_read(recorded: Path) -> None:
         assert reason == f"frames[1]: the name {name[:80]!r} of an image leads out of the data set"
 
 
+def test_labels_outside_of_the_folder_are_not_read(recorded: Path) -> None:
+    secret = recorded.parent / "secret.png"
+    secret.write_bytes((recorded / "instances/00001.png").read_bytes())
+    for name in ("../secret.png", str(secret)):
+        edited(recorded, lambda c, name=name: c["frames"][1].update(instance_file_path=name))
+        (reason,) = open_dataset(recorded).skipped
+        assert reason == f"frames[1]: the name {name[:80]!r} of an image leads out of the data set"
+    edited(recorded, lambda c: c["frames"][1].update(instance_file_path="gone.png"))
+    assert open_dataset(recorded).frames[1].read().labels is None
+
+
 def test_nerfstudio_has_lenses(recorded: Path) -> None:
     edited(recorded, lambda c: c.update(k1=-0.1, k2=0.02, p1=0.001, p2=0.002, k3=0.003))
     assert open_dataset(recorded).frames[0].lens == Lens((-0.1, 0.02, 0.001, 0.002, 0.003))

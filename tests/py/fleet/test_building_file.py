@@ -66,7 +66,7 @@ def test_a_file_behind_a_url_names_maps_beside_it(tmp_path: Path) -> None:
     [
         ("", "Expecting value"),
         ("[" * 100_000, "recursion"),
-        (" " * (MAX_FILE_BYTES + 1), f"larger than {MAX_FILE_BYTES} bytes"),
+        (" " * (MAX_FILE_BYTES + 1), f"larger than {MAX_FILE_BYTES:,} bytes"),
         ('{"rooms": {"a": {"map": "a"}, "a": {"map": "b"}}}', "a occurs twice"),
         ([], "Input should be an object"),
         ({}, "rooms: Field required"),

@@ -11,9 +11,11 @@ from store_maps import assert_same
 from synthetic_rooms import extend_room, write_rooms
 
 from gslts.cli.history import gc
+from gslts.fleet.cache import _cache_folder, cached_clone
 from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.fleet.remote_store import version_name
 from gslts.fleet.state import read_remote_state
+from gslts.io.atomic_files import sync_folder
 from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCause
 from gslts.store.history import INDEX
 from gslts.store.manifest import update_image_path
@@ -69,6 +71,32 @@ def test_a_clone_holds_the_same_bits(tmp_path: Path, url: str) -> None:
         assert first._index.snapshots() == other._index.snapshots()
     for name in ("manifest.json", "cameras.json"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "c" / name).read_bytes()
+
+
+def test_two_commands_may_use_a_shared_map_for_the_first_time(
+    tmp_path: Path, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = _cache_folder(url)
+
+    def be_slower(_: Path) -> None:
+        monkeypatch.setattr("gslts.fleet.exchange.sync_folder", sync_folder)
+        shutil.copytree(tmp_path / "b", folder)
+
+    change_room(tmp_path / "a", 0)
+    push_map(tmp_path / "a")
+    monkeypatch.setattr("gslts.fleet.exchange.sync_folder", be_slower)
+    assert cached_clone(url) == folder
+    assert versions_of(folder) == versions_of(tmp_path / "a")
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "remote.json"])
+def test_files_of_a_clone_that_are_too_large_are_named(tmp_path: Path, name: str) -> None:
+    with (tmp_path / "b" / name).open("ab") as file:
+        file.truncate(1 << 30)
+    with pytest.raises(ValueError, match=rf"{name}: larger than [\d,]+ bytes$"):
+        pull_map(tmp_path / "b")
 
 
 def test_who_comes_second_follows(tmp_path: Path) -> None:

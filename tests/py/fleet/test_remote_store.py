@@ -1,6 +1,7 @@
 """Version objects and blobs in a folder."""
 
 import hashlib
+import time
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -116,6 +117,17 @@ def test_a_blob_comes_back(tmp_path: Path, remote: RemoteStore, size: int) -> No
     assert (tmp_path / "received" / "blob").read_bytes() == content
 
 
+def test_a_file_of_two_versions_is_written_once(
+    tmp_path: Path, remote: RemoteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sent").write_bytes(b"content")
+    blob, path = blob_of(b"content"), tmp_path / "received"
+    remote.upload([(blob, tmp_path / "sent")])
+    monkeypatch.setattr("os.fsync", lambda _: time.sleep(0.05))  # Time for another thread.
+    remote.download([(blob, path), (blob, path)])
+    assert path.read_bytes() == b"content"
+
+
 @pytest.mark.parametrize(
     "stored",
     [b"", b"no zlib", zlib.compress(b"other"), zlib.compress(bytes(1 << 20)), bytes(1 << 20)],
@@ -142,5 +154,5 @@ def test_a_version_that_is_too_large_is_not_read(tmp_path: Path, remote: RemoteS
     path.parent.mkdir()
     with path.open("wb") as file:
         file.truncate(1 << 40)
-    with pytest.raises(ValueError, match=r"00000001\.json: larger than 16777216 bytes"):
+    with pytest.raises(ValueError, match=r"00000001\.json: larger than 16,777,216 bytes"):
         remote.read_version(1)

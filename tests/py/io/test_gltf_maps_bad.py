@@ -52,7 +52,8 @@ def put(*keys: Any, value: Any) -> Callable[[SplatGlb], None]:
         (lambda f: f.extension.pop("kernel"), "kernel is None"),
         (lambda f: f.extension.update(colorSpace="lin_rec709_display"), "colorSpace is 'lin_"),
         (lambda f: f.extension.update(projection="fisheye"), "projection is 'fisheye'"),
-        (lambda f: f.extension.update(extensions={"KHR_x": {}}), "extended by ['KHR_x']"),
+        (lambda f: f.extension.update(extensions={"KHR_x": {}}), "extended by {'KHR_x': {}}"),
+        (lambda f: f.extension.update(extensions=5), "extended by 5, not supported"),
         (lambda f: f.primitive.update(mode=4), "belongs to points, mode 0, got mode 4"),
         (lambda f: f.primitive.update(extensions={}), "expected one primitive with KHR_gaussian"),
         (lambda f: f.primitive.update(attributes=[1]), "its primitive has no attributes"),
@@ -108,6 +109,14 @@ def test_wrong_fields(tmp_path: Path, change: Any, message: str | None) -> None:
         read_glb(path)  # A node that the scene does not show.
     else:
         assert message in error_of(path)
+
+
+def test_names_of_nodes_do_not_control_the_terminal(tmp_path: Path) -> None:
+    file = SplatGlb()
+    file.tree["nodes"][0]["name"] = "\x1b[2J\n\x9bx"
+    file.primitive.pop("attributes")
+    message = error_of(file.write(tmp_path / "a.glb"))
+    assert message == "node 0 (\\x1b[2J \\x9bx): its primitive has no attributes"
 
 
 def test_two_primitives_of_gaussians(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def test_an_image_is_written_in_the_format_of_its_suffix(tmp_path: Path) -> None
         np.testing.assert_array_equal(np.asarray(read), image)
 
 
-@pytest.mark.parametrize("name", ["view", "view.txt"])
+@pytest.mark.parametrize("name", ["view", "view.txt", "view.psd"])
 def test_a_name_of_no_image_is_an_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(ValueError, match=r"expected the name of an image, such as view\.png"):
         write_image(tmp_path / name, np.zeros((4, 4, 3), np.uint8))

@@ -20,6 +20,8 @@ from gslts.rendering.rasterizer import rows_in_view
 from gslts.store.causes import UpdateCause
 from gslts.store.delta import apply_deltas, compute_delta
 from gslts.store.map_store import INDEX, MapStore
+from gslts.store.records import Snapshot
+from gslts.store.snapshot import open_snapshot
 
 CAMERA = orbit_camera(angle_rad=2)
 
@@ -225,6 +227,28 @@ def test_a_file_with_a_damaged_head_is_not_opened(folder: Path, harm: str) -> No
         problems = store.find_problems()
     assert len(problems) == 1
     assert path.name in problems[0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b'{"means": []}',
+        b'{"means": {"dtype": "F32", "shape": []}}',
+        b'{"means": {"dtype": "F32", "shape": [-5]}}',
+        b'{"means": {"dtype": "F32", "shape": ["a", 1000000000000000]}}',
+        b'{"means": {"dtype": "F32", "shape": [1e200, 1%s]}}' % (400 * b"0"),
+    ],
+)
+def test_a_head_of_a_hostile_writer_is_damaged(tmp_path: Path, text: bytes) -> None:
+    content = len(text).to_bytes(8, "little") + text
+    (tmp_path / "file").write_bytes(content)
+    snapshot = Snapshot(key=64 * "0", size=len(content), head=64 * "0")
+    with pytest.raises(ValueError, match=r"version 1: its head is damaged: .*; copy it") as caught:
+        open_snapshot(tmp_path / "file", snapshot, "version 1")
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_cut_while_it_is_read_is_damaged(folder: Path) -> None:

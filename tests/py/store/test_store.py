@@ -260,6 +260,16 @@ def test_a_damaged_file_is_named_and_other_versions_stay_readable(folder: Path, 
         assert_same(store.read(), maps[0])
 
 
+@pytest.mark.parametrize(
+    "content", [b"", b"garbage" * 10, b"\x02\0\0\0\0\0\0\0[]", b"\x02\0\0\0\0\0\0\0{}1"]
+)
+def test_a_file_without_arrays_is_named(tmp_path: Path, content: bytes) -> None:
+    blobs = Blobs(tmp_path)
+    blob = blobs.write_parts([content])
+    with pytest.raises(ValueError, match=rf"{blob.key}\.safetensors: no arrays: .*; copy it"):
+        blobs.read(blob)
+
+
 def test_an_intact_store_has_no_problem(folder: Path) -> None:
     grown(folder, 3)
     seen: list[int] = []

@@ -11,9 +11,11 @@ from command import gslts
 from typer.testing import CliRunner
 
 from gslts.cli import app
+from gslts.fleet.building_history import read_room_history
 from gslts.store.causes import RejectedUpdateCause, UpdateCause, UpdateRecord
+from gslts.store.history import History
 from gslts.store.map_folder import open_map
-from gslts.store.records import ObjectEvent
+from gslts.store.records import ObjectEvent, Rejection
 from gslts_sim import write_glb
 
 BOX = ((1.0, 1.0, 0.0), (1.2, 1.2, 0.2))
@@ -207,3 +209,18 @@ def test_rooms_without_words_are_named(folder: Path) -> None:
     status, lines, error = run("query", "building.json", "sofa")
     assert (status, lines) == (0, ["sofa: not found"])
     assert error == "cellar: its map has no semantic features; it was not asked\n"
+
+
+def test_a_commit_during_the_command_does_not_stop_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rejections_of = History.rejections
+
+    def commit_first(self: History) -> list[Rejection]:
+        monkeypatch.undo()
+        change_kitchen(folder, monkeypatch)
+        return rejections_of(self)
+
+    monkeypatch.setattr(History, "rejections", commit_first)
+    found = read_room_history(folder / "kitchen", 0.0)
+    assert (found.version, found.changes) == (2, ())

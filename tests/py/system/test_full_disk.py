@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sim_scenes
+from store_maps import random_map
 from videos import write
 
 from gslts.io.atomic_files import write_atomic
+from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.robot_body import Viewpoint
@@ -80,6 +82,26 @@ def test_an_error_in_writing_names_the_file(
     monkeypatch.undo()
     assert path.read_bytes() == b"old"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("folder", ["missing", "file"])
+def test_an_error_in_opening_names_the_file(tmp_path: Path, folder: str) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OSError, match=rf"directory: '{tmp_path}/{folder}/page\.html'"):
+        write_atomic(tmp_path / folder / "page.html", b"new")
+
+
+def test_an_error_of_a_new_map_names_its_folder(tmp_path: Path) -> None:
+    folder = tmp_path / (250 * "a")  # Its partial folder has a longer name.
+    with pytest.raises(OSError, match=rf"name too long: '{folder}'$"):
+        write_map_folder(folder, random_map(5), {}, {})
+
+
+def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "page.html").mkdir()
+    with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{tmp_path}/page\.html'$"):
+        write_atomic(tmp_path / "page.html", b"new")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
 
 
 VIDEO_LIMITED = """

@@ -221,7 +221,7 @@ def messages_of(folder: Path) -> str:
         ("cut", "it is damaged: it has another SHA-256; copy it from a backup, or"),
         ("flip", "it is damaged: it has another SHA-256; copy it from a backup, or"),
         ("empty", "it is damaged: it has another SHA-256; copy it from a backup, or"),
-        ("grow", "larger than 16 MiB"),
+        ("grow", "larger than 16,777,216 bytes"),
     ],
 )
 def test_a_damaged_file_is_named(folder: Path, harm: str, message: str) -> None:

@@ -7,9 +7,11 @@ import pytest
 from command import gslts
 from store_maps import BOX, REJECTED, random_map
 
+from gslts.cli.history import log
 from gslts.store.causes import UpdateCause
+from gslts.store.history import History
 from gslts.store.map_folder import open_map, write_map_folder
-from gslts.store.records import ObjectEvent
+from gslts.store.records import ObjectEvent, Rejection
 
 OTHER = ((2.0, 0.0, 0.0), (2.1, 0.1, 0.2))
 MOVE = "Mug moved from (0.05, 0.05, 0.10) m to (2.05, 0.05, 0.10) m"
@@ -71,3 +73,25 @@ def test_the_page_lists_the_objects(folder: Path) -> None:
     page = (folder / "page.html").read_text()
     assert "<h2>Objects</h2>" in page
     assert page.count(MOVE) == 2
+
+
+def test_a_commit_during_the_command_does_not_stop_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rejections_of = History.rejections
+
+    def commit_first(self: History) -> list[Rejection]:
+        with open_map(folder / "map", writable=True) as store:
+            store.restore(1)
+        return rejections_of(self)
+
+    monkeypatch.setattr(History, "rejections", commit_first)
+    log(folder / "map")
+    assert capsys.readouterr().out.split()[0] == "3"
+
+
+def test_names_of_files_do_not_control_the_terminal(folder: Path) -> None:
+    done = gslts("log", "\x1b[2J\nmap\x9b", cwd=folder)
+    assert done.stderr == (
+        "gslts: \\x1b[2J map\\x9b: there is no such folder; gslts map makes a map\n"
+    )

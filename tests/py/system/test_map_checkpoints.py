@@ -70,6 +70,10 @@ def test_a_killed_run_can_be_resumed(recorded: dict[str, Path], tmp_path: Path) 
     save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
     once = save_often + stopped_at("gslts.mapping.checkpoint:write_checkpoint", 1)
     checkpoint = tmp_path / "map.checkpoint.npz"
+    none = run(*arguments, "--resume", cwd=tmp_path)
+    assert none.stderr == (
+        "gslts: map.checkpoint.npz is missing: there is no interrupted run to continue\n"
+    )
     for again in ((), ("--resume",), ("--resume",)):
         killed = run(*arguments, *again, cwd=tmp_path, before=once)
         assert killed.returncode == -signal.SIGKILL, killed.stderr

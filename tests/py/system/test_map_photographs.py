@@ -1,6 +1,7 @@
 """`gslts map --poses estimate` of photographs without depth."""
 
 import json
+import shutil
 from pathlib import Path
 
 import change_room
@@ -57,6 +58,13 @@ def test_photographs_become_a_map(photographs, tmp_path):
     done = run("eval", "map", "map.colmap", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["given"]["frames"] >= 1
+    shutil.rmtree(tmp_path / "map")  # As if the run had been stopped before its first checkpoint.
+    done = run("map", folder, *options, cwd=tmp_path)
+    assert "map.colmap is there already; use it with --resume, or remove it" in done.stderr
+    done = run("map", folder, *options, "--jobs", "1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "finding keypoints" not in done.stdout, "the poses were kept"
+    assert len(cameras_of_map(tmp_path / "map")) > 12
 
 
 def test_too_few_photographs_of_one_place(tmp_path):
