@@ -21,7 +21,7 @@ from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
 
 SAVE_INTERVAL = 10
-"""Number of frames after which the list of frames is saved again."""
+"""Number of frames after which the list of frames is saved again; it is also after the first."""
 FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_path": "instances"}
 """Folder of each image of a frame, by its key in `transforms.json`."""
 MAX_DEPTH_M = 65.535
@@ -113,7 +113,7 @@ class RecordingWriter:
         entry["transform_matrix"] = (frame.camera.world_from_camera @ OPENGL_FROM_OPENCV).tolist()
         own = {key: each for key, each in intrinsics.items() if self._header.get(key) != each}
         self._frames.append({**entry, **own, **(more or {})})
-        if len(self._frames) % SAVE_INTERVAL == 0:
+        if len(self._frames) % SAVE_INTERVAL == 0 or len(self._frames) == 1:
             self.save()
 
     def save(self) -> None:

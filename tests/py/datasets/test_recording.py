@@ -46,10 +46,10 @@ def test_frames_come_back(tmp_path: Path) -> None:
 
 def test_a_recording_is_continued_after_its_last_list(tmp_path: Path) -> None:
     first = RecordingWriter(tmp_path)
-    for number in range(12):  # Without an end: the list of the first ten is there.
-        first.add(frame(number))
+    for number in range(12):
+        first.add(frame(number))  # Without an end: the list of the first, or of the first ten.
+        assert RecordingWriter(tmp_path).count == (1 if number < 9 else 10)
     second = RecordingWriter(tmp_path)
-    assert second.count == 10
     second.add(frame(20))
     second.save()
     opened = open_dataset(tmp_path)
