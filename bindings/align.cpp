@@ -2,7 +2,6 @@
 #include <pybind11/stl.h>
 #include <pybind11/typing.h>
 
-#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -27,11 +26,7 @@ py::typing::Tuple<Matrix10, Vector10, Matrix10, Vector10> alignment_of(
   const T* depths = require_array<T>(depth, "depth", {height, width});
   const T* seen = require_array<T>(photo, "photo", {height, width, 3});
   const T* distances = require_array<T>(measured, "measured", {height, width});
-  PixelMask pixels;
-  if (mask) {
-    const bool* wanted = require_array<bool>(*mask, "mask", {height, width});
-    pixels = {reinterpret_cast<const std::uint8_t*>(wanted), camera.width, camera.height};
-  }
+  const PixelMask pixels = pixel_mask_of(mask, camera.width, camera.height);
   const Alignment alignment = [&] {
     const py::gil_scoped_release release;
     return align::align(camera, colors, depths, seen, distances, pixels, exposure, threads);

@@ -4,12 +4,16 @@
 #include <pybind11/pybind11.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "gslts/map/array.hpp"
+#include "gslts/map/pixel_mask.hpp"
 
 namespace gslts::python {
 
@@ -50,6 +54,23 @@ const T* require_array(const py::array& array, const char* name,
                           (aligned ? "" : ", not aligned"));
   }
   return static_cast<const T*>(array.data());
+}
+
+/// Checks that there is one image per camera.
+/// @throws std::invalid_argument  naming the images.
+inline void require_one_each(const char* name, const std::vector<py::array>& images,
+                             std::size_t cameras) {
+  if (images.size() == cameras) return;
+  throw std::invalid_argument(std::string(name) + ": expected " + std::to_string(cameras) +
+                              ", one per camera, got " + std::to_string(images.size()));
+}
+
+/// Returns the wanted pixels [height,width] of an image; all without a mask.
+/// @throws py::value_error  as `require_array`.
+inline PixelMask pixel_mask_of(const std::optional<py::array>& mask, int width, int height) {
+  if (!mask) return {};
+  const bool* wanted = require_array<bool>(*mask, "mask", {height, width});
+  return {reinterpret_cast<const std::uint8_t*>(wanted), width, height};
 }
 
 /// Hands the elements to numpy without copying them.

@@ -152,7 +152,7 @@ Args:
     depth_error: [H,W] float32, expected error of the rendered depth, m; None if it is not known.
     color_error: [H,W] float32, expected error of the rendered colours, summed over the channels.
     noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
-        depths z of an unchanged surface is a + b z^2.
+        depths z of an unchanged surface is a + b z^2. Neither is negative, and not both are 0.
 
 Raises:
     ValueError: An array has another shape, type or layout.)")
@@ -227,7 +227,7 @@ Returns:
     The surfaces, and [H,W] int32 their labels, 0 where nothing changed.
 
 Raises:
-    ValueError: A threshold is out of range, or the masks have another size.)");
+    ValueError: A threshold or the noise is out of range, or the masks have another size.)");
   m.def("find_changed_regions", &find_surfaces<&detect::find_changed_regions>, py::arg("views"),
         py::arg("masks"), py::arg("rule"),
         R"(Find the objects that only one of map and frame shows, by colours and coarse depth.
@@ -287,7 +287,7 @@ Returns:
     Changes with at least `rule.min_confidence`, the highest confidence first.
 
 Raises:
-    ValueError: A threshold is out of range.)");
+    ValueError: A threshold or a number of a surface is out of range.)");
 }
 
 void define_scores(py::module_& m) {

@@ -61,14 +61,14 @@ deviations of the depth, the constant part measured across the surface, plus the
 within `step_px` pixels.
 
 Args:
-    step_sigmas: Minimum step, in standard deviations.
+    step_sigmas: Minimum step, in standard deviations, above 0.
     step_px: Part for the slope of the surface, px.
     edge_tolerance_px: By which edges may be misplaced, px.
     min_area_m2: Minimum area of a surface, facing the camera, m^2.
     min_area_px: Minimum area of a part of a surface, px.
     min_flat_area_m2: Minimum area of a flat change (colours changed, but no single pixel's depth),
         m^2.
-    min_flat_color: Minimum colour change of a flat change, summed over the channels, 0 to 3.
+    min_flat_color: Minimum colour change of a flat change, summed over the channels, above 0 to 3.
     min_flat_step_m: Minimum median depth difference that tells the side of a flat change, m.
     min_flat_contrast: Minimum difference of the brightness gradient across the outline of a flat
         change, 1/px.

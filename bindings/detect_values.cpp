@@ -27,6 +27,12 @@ using detect::Surface;
 using detect::Visibility;
 using Eigen::Vector3d;
 
+template <typename Value>
+Value checked(Value value, const char* function) {
+  validate(value, function);
+  return value;
+}
+
 void define_evidence(py::module_& m) {
   const Evidence none;
   py::class_<Evidence>(
@@ -45,14 +51,19 @@ Args:
     ring_depth_m: Median absolute difference of the depths around it, m.
     ring_color_ratio: Colour change around it, as a share of that on it.
     depth_error_m: Mean expected error of the rendered depth, m.
-    color_error: Mean expected error of the rendered colour, summed over the channels.)")
+    color_error: Mean expected error of the rendered colour, summed over the channels.
+
+Raises:
+    ValueError: A number is not finite, a share is not in 0 to 1, or another one but the correlation
+        is negative.)")
       .def(py::init([](double step_ratio, double changed_share, double thickness_m,
                        double attached_share, double residual_color, double correlation,
                        double ring_depth_m, double ring_color_ratio, double depth_error_m,
                        double color_error) {
-             return Evidence{step_ratio,     changed_share, thickness_m,  attached_share,
-                             residual_color, correlation,   ring_depth_m, ring_color_ratio,
-                             depth_error_m,  color_error};
+             return checked(
+                 Evidence{step_ratio, changed_share, thickness_m, attached_share, residual_color,
+                          correlation, ring_depth_m, ring_color_ratio, depth_error_m, color_error},
+                 "Evidence");
            }),
            py::kw_only(), py::arg("step_ratio") = none.step_ratio,
            py::arg("changed_share") = none.changed_share, py::arg("thickness_m") = none.thickness_m,
@@ -85,11 +96,15 @@ Args:
     recorded_share: Share of the samples at which the recording of the map measured a surface.
     free_share: Share of the samples that the recording saw through.
     missing_share: Of a surface of the map, share of the samples that the recording saw through
-        and never measured.)")
+        and never measured.
+
+Raises:
+    ValueError: A count is negative or not finite, or a share is not in 0 to 1.)")
       .def(py::init([](double on_surface, double seen_through, double known_share,
                        double recorded_share, double free_share, double missing_share) {
-             return Visibility{on_surface,     seen_through, known_share,
-                               recorded_share, free_share,   missing_share};
+             return checked(Visibility{on_surface, seen_through, known_share, recorded_share,
+                                       free_share, missing_share},
+                            "Visibility");
            }),
            py::kw_only(), py::arg("on_surface"), py::arg("seen_through"), py::arg("known_share"),
            py::arg("recorded_share") = 0.0, py::arg("free_share") = 1.0,
@@ -121,14 +136,14 @@ Args:
     flat: It is a flat change: colours changed, but no single pixel's depth.
     samples: [N] points (3,) of it, world, m.
     color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
-    evidence: Measurements on and around it; None: all are 0.
+    evidence: Measurements on and around it; None: those of `Evidence()`.
     visibility: Visibility counts of the samples; None: unknown.
     color_confidence: Confidence of a region of colours, 0 to 1, in place of that from the rest; None:
         not known.
 
 Raises:
-    ValueError: A number is not finite, an area is negative, the box is inverted, or the histogram
-        has another length.)";
+    ValueError: A number is not finite, an area or a depth is negative, the box is inverted, the
+        histogram has another length or sum, or the confidence is not in 0 to 1.)";
 
 Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, const Vector3d& high,
                      int label, int area_px, double area_m2, double depth_m, const Vector3d& color,
@@ -136,24 +151,17 @@ Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, cons
                      std::vector<float> color_histogram, const std::optional<Evidence>& evidence,
                      const std::optional<Visibility>& visibility,
                      std::optional<double> color_confidence) {
-  Surface surface{side,
-                  label,
-                  area_px,
-                  area_m2,
-                  depth_m,
-                  point,
-                  low,
-                  high,
-                  color,
-                  step_m,
-                  flat,
-                  std::move(samples),
-                  std::move(color_histogram),
-                  evidence.value_or(Evidence{}),
-                  visibility,
-                  color_confidence};
-  validate(surface, "Surface");
-  return surface;
+  return checked(Surface{side, label, area_px, area_m2, depth_m, point, low, high, color, step_m,
+                         flat, std::move(samples), std::move(color_histogram),
+                         evidence.value_or(Evidence{}), visibility, color_confidence},
+                 "Surface");
+}
+
+void set_color_confidence(Surface& surface, std::optional<double> confidence) {
+  Surface only_confidence;
+  only_confidence.color_confidence = confidence;
+  validate(only_confidence, "Surface");
+  surface.color_confidence = confidence;
 }
 
 void define_surface(py::module_& m) {
@@ -181,8 +189,9 @@ void define_surface(py::module_& m) {
       .def_readonly("samples", &Surface::samples)
       .def_readonly("color_histogram", &Surface::color_histogram)
       .def_readonly("evidence", &Surface::evidence)
-      .def_readwrite("color_confidence", &Surface::color_confidence,
-                     "May be set: what updates added is not known to the detection.")
+      .def_property(
+          "color_confidence", [](const Surface& surface) { return surface.color_confidence; },
+          &set_color_confidence, "May be set: what updates added is not known to the detection.")
       .def_readwrite("visibility", &Surface::visibility,
                      "May be set: the map's training cameras are not known to the detection.");
 }

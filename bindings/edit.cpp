@@ -3,8 +3,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -31,19 +29,11 @@ Counts to_counts(Array<std::int32_t>&& first, Array<std::int32_t>&& second) {
   return py::make_tuple(to_numpy(std::move(first), {size}), to_numpy(std::move(second), {size}));
 }
 
-/// @throws std::invalid_argument  if there is not one image a camera.
-void require_one_each(const char* name, const ImageList& images,
-                      const std::vector<Camera>& cameras) {
-  if (images.size() == cameras.size()) return;
-  throw std::invalid_argument(std::string(name) + ": expected " + std::to_string(cameras.size()) +
-                              ", one a camera, got " + std::to_string(images.size()));
-}
-
 Counts count_votes(const GaussianView<float>& gaussians, const std::vector<Camera>& cameras,
                    const ImageList& masks, const std::optional<ImageList>& rendered_depths,
                    const VoteRule& rule) {
-  require_one_each("masks", masks, cameras);
-  if (rendered_depths) require_one_each("rendered_depths", *rendered_depths, cameras);
+  require_one_each("masks", masks, cameras.size());
+  if (rendered_depths) require_one_each("rendered_depths", *rendered_depths, cameras.size());
   std::vector<VotingView> views;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     const std::vector<py::ssize_t> shape = {cameras[k].height, cameras[k].width};
@@ -62,7 +52,7 @@ Counts count_votes(const GaussianView<float>& gaussians, const std::vector<Camer
 
 Counts count_visibility(const GaussianView<float>& gaussians, const std::vector<Camera>& cameras,
                         const ImageList& observed_depths, const DepthTolerance& tolerance) {
-  require_one_each("observed_depths", observed_depths, cameras);
+  require_one_each("observed_depths", observed_depths, cameras.size());
   std::vector<DepthView> views;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     views.push_back({cameras[k], require_array<float>(observed_depths[k], "observed_depths",

@@ -2,7 +2,6 @@
 #include <pybind11/typing.h>
 
 #include <array>
-#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -28,19 +27,13 @@ ImageSize size_of(const py::array& image) {
   return {static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1))};
 }
 
-PixelMask mask_of(const OptionalArray& mask, const ImageSize& size) {
-  if (!mask) return {};
-  const bool* wanted = require_array<bool>(*mask, "mask", {size.height, size.width});
-  return {reinterpret_cast<const std::uint8_t*>(wanted), size.width, size.height};
-}
-
 template <typename T>
 Exposure fit_exposure(const py::array& rgb, const py::array& target, const OptionalArray& mask,
                       int threads) {
   const ImageSize size = size_of(rgb);
   const T* rendered = require_array<T>(rgb, "rgb", {size.height, size.width, 3});
   const T* measured = require_array<T>(target, "target", {size.height, size.width, 3});
-  const PixelMask pixels = mask_of(mask, size);
+  const PixelMask pixels = pixel_mask_of(mask, size.width, size.height);
   const py::gil_scoped_release release;
   return optim::fit_exposure(rendered, measured, size.width, size.height, pixels, threads);
 }
@@ -52,7 +45,7 @@ py::typing::Tuple<double, double, double, py::array_t<T>> photometric_loss(
   const ImageSize size = size_of(rgb);
   const T* rendered = require_array<T>(rgb, "rgb", {size.height, size.width, 3});
   const T* measured = require_array<T>(target, "target", {size.height, size.width, 3});
-  const PixelMask pixels = mask_of(mask, size);
+  const PixelMask pixels = pixel_mask_of(mask, size.width, size.height);
   PhotometricLoss<T> loss = [&] {
     const py::gil_scoped_release release;
     return optim::photometric_loss(rendered, measured, size.width, size.height, pixels,
@@ -70,7 +63,7 @@ py::typing::Tuple<double, std::size_t, py::array_t<T>> depth_loss(const py::arra
   const ImageSize size = size_of(depth);
   const T* rendered = require_array<T>(depth, "depth", {size.height, size.width});
   const T* measured = require_array<T>(target, "target", {size.height, size.width});
-  const PixelMask pixels = mask_of(mask, size);
+  const PixelMask pixels = pixel_mask_of(mask, size.width, size.height);
   DepthLoss<T> loss = [&] {
     const py::gil_scoped_release release;
     return optim::depth_loss(rendered, measured, size.width, size.height, pixels, relative,

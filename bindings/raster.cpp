@@ -40,11 +40,7 @@ class NumpyRasterizer {
   Arrays forward(const GaussianView<T>& gaussians, const Camera& camera,
                  const RenderOptions& options, const OptionalArray& mask) {
     const Use use(*this);
-    PixelMask pixels;
-    if (mask) {
-      const bool* wanted = require_array<bool>(*mask, "mask", {camera.height, camera.width});
-      pixels = {reinterpret_cast<const std::uint8_t*>(wanted), camera.width, camera.height};
-    }
+    const PixelMask pixels = pixel_mask_of(mask, camera.width, camera.height);
     image_size_.reset();
     Images<T> images = [&] {
       const py::gil_scoped_release release;

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "arrays.hpp"
@@ -26,14 +25,9 @@ using Images = std::vector<py::array>;
 std::vector<RgbdView<float>> views_of(const std::vector<Camera>& cameras, const Images& photos,
                                       const std::optional<Images>& measured,
                                       const std::optional<Images>& masks) {
-  const auto require_one_each = [&](const char* name, const Images& images) {
-    if (images.size() == cameras.size()) return;
-    throw std::invalid_argument(std::string(name) + ": expected " + std::to_string(cameras.size()) +
-                                ", one per camera, got " + std::to_string(images.size()));
-  };
-  require_one_each("photos", photos);
-  if (measured) require_one_each("measured", *measured);
-  if (masks) require_one_each("masks", *masks);
+  require_one_each("photos", photos, cameras.size());
+  if (measured) require_one_each("measured", *measured, cameras.size());
+  if (masks) require_one_each("masks", *masks, cameras.size());
   std::vector<RgbdView<float>> views;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     const py::ssize_t height = cameras[k].height, width = cameras[k].width;

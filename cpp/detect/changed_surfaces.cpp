@@ -9,10 +9,17 @@
 #include "gslts/detect/components.hpp"
 #include "gslts/detect/objects.hpp"
 #include "images.hpp"
+#include "rules.hpp"
 #include "surface_of.hpp"
 
 namespace gslts::detect {
 namespace {
+
+void validate(const DepthNoise& noise, const char* function) {
+  require_in(function, "noise.constant_m", noise.constant_m, 0, 100);
+  require_in(function, "noise.per_m", noise.per_m, 0, 100);
+  require_in(function, "noise at 1 m", noise.constant_m + noise.per_m, kMinDivisor, 200);
+}
 
 /// A surface and its pixels.
 struct Part {
@@ -163,6 +170,7 @@ double share_above(float threshold, const cv::Mat& values, const Pixels& pixels)
 
 Surfaces find_changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule) {
   validate(views.camera, "find_changed_surfaces");
+  validate(views.noise, "find_changed_surfaces");
   validate(rule, "find_changed_surfaces");
   const DepthChange depth = compare_depths(views, masks, rule);
   const ColorChange colors = compare_colors(views, masks, rule.edge_tolerance_px);

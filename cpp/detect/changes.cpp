@@ -54,7 +54,10 @@ std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
                                            const ObjectRule& rule) {
   validate(rule, "classify_changes");
   std::vector<double> confidences;
-  for (const Surface& surface : surfaces) confidences.push_back(confidence(surface));
+  for (const Surface& surface : surfaces) {
+    validate(surface, "classify_changes");
+    confidences.push_back(confidence(surface));
+  }
   std::vector<ObjectChange> changes;
   std::vector<bool> taken(surfaces.size());
   for (const auto& [odds, before, after] : matching_pairs(surfaces, confidences, rule)) {

@@ -21,7 +21,15 @@ constexpr double kSobelScale = 1.0 / 8;
 /// Minimum number of pixels of a median difference of depths; with fewer it counts as 0.
 constexpr std::size_t kMinDepthPixels = 5;
 
+/// Minimum of the settings, and of the noise of depths at 1 m, that divide depth steps and colour
+/// changes: the quotients stay finite.
+constexpr double kMinDivisor = 1e-6;
+
 // Depth steps (depth_change.cpp).
+
+/// Maximum depth step, in units of the smallest that counts: steps to depths near the largest float
+/// stay finite.
+constexpr double kMaxSteps = 1e9;
 
 /// Maximum change of depth from pixel to pixel of a surface, as a share of the depth: with a
 /// focal length of 300 px, 0.05 is a surface at 86 degrees to the image. Steeper ones are edges.
@@ -291,6 +299,10 @@ constexpr double kMinLengthRatio = 0.2;
 
 /// Added to heights, m, before their ratio is taken: about the noise of depth.
 constexpr double kTinyHeight_m = 0.02;
+
+/// Maximum difference of the sum of a colour histogram from 1: rounding of its floats adds up to a
+/// tenth of it.
+constexpr double kMaxHistogramError = 1e-3;
 
 /// Logistic regression found by benchmarks/fit_confidence.py: offset, and weights of the distance
 /// of the colour histograms and of the growth in height. A sensor misses thin parts that the map

@@ -57,7 +57,8 @@ class Steps {
     for (std::size_t k = 0; k < depth.total(); ++k) {
       const float here = depth.ptr<float>()[k], there = other.ptr<float>()[k];
       const bool both = known_.ptr<std::uint8_t>()[k] && here < kFar_m && there < kFar_m;
-      steps.ptr<float>()[k] = both ? float((there - here) / min_step_m(here, k)) : 0;
+      const double step = both ? (there - here) / min_step_m(here, k) : 0;
+      steps.ptr<float>()[k] = float(std::clamp(step, -kMaxSteps, kMaxSteps));
     }
     return steps;
   }

@@ -7,9 +7,10 @@
 
 namespace gslts::edit {
 
-/// Maximum index of a cell of the grid of `thin_points`, along each axis: points farther away share
-/// a cell, as a float could not tell neighbours apart there. Only speed depends on it.
-constexpr double kMaxCell = 1e15;
+/// Maximum index of a cell of the grids of `thin_points`, along each axis: points farther away
+/// share a cell. Up to it a double holds a coordinate within 2^-26 of a cell, less than the 2^-24
+/// by which a cell is wider than a spacing: neighbours are in neighbouring cells.
+constexpr double kMaxCell = 1 << 28;
 
 /// Multipliers of the spatial hash of a cell (Teschner et al. 2003).
 constexpr std::uint64_t kHashX = 73856093, kHashY = 19349663, kHashZ = 83492791;

@@ -9,17 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "gslts/map/require.hpp"
+
 namespace gslts::edit {
 namespace {
-
-/// @throws std::invalid_argument  naming the first row that is not finite.
-void require_finite_rows(const float* rows, std::size_t count, const char* name) {
-  const float* end = rows + 3 * count;
-  const float* bad = std::find_if(rows, end, [](float x) { return !std::isfinite(x); });
-  if (bad == end) return;
-  throw std::invalid_argument("nearest_gaussians: " + std::string(name) + "[" +
-                              std::to_string((bad - rows) / 3) + "] is not finite");
-}
 
 void require_valid(const GaussianView<float>& gaussians, const float* points, std::size_t count,
                    int k) {
@@ -29,8 +22,8 @@ void require_valid(const GaussianView<float>& gaussians, const float* points, st
                                 std::to_string(k));
   }
   if (gaussians.size == 0) throw std::invalid_argument("nearest_gaussians: there is no Gaussian");
-  require_finite_rows(gaussians.means, gaussians.size, "means");
-  require_finite_rows(points, count, "points");
+  require_finite_points("nearest_gaussians", "means", gaussians.means, gaussians.size);
+  require_finite_points("nearest_gaussians", "points", points, count);
 }
 
 }  // namespace

@@ -1,11 +1,12 @@
 #include "gslts/reloc/landmark_index.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/flann/miniflann.hpp>
 #include <stdexcept>
 #include <string>
+
+#include "gslts/map/require.hpp"
 
 namespace gslts::reloc {
 namespace {
@@ -41,11 +42,8 @@ cv::Mat rows_of(const Array<std::uint8_t>& descriptors) {
 [[noreturn]] void fail(const std::string& message) { throw std::invalid_argument(message); }
 
 void validate(const LandmarksView& landmarks) {
+  require_finite_points("LandmarkIndex", "positions", landmarks.positions, landmarks.size);
   for (std::size_t i = 0; i < landmarks.size; ++i) {
-    const float* position = landmarks.positions + 3 * i;
-    if (!std::all_of(position, position + 3, [](float x) { return std::isfinite(x); })) {
-      fail("LandmarkIndex: positions[" + std::to_string(i) + "] is not finite");
-    }
     if (landmarks.keyframes[i] < 0) {
       fail("LandmarkIndex: keyframes[" + std::to_string(i) + "] must not be negative, got " +
            std::to_string(landmarks.keyframes[i]));

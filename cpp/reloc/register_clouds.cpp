@@ -16,7 +16,6 @@
 #include <optional>
 #include <sstream>
 #include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "gslts/map/require.hpp"
@@ -56,14 +55,6 @@ void require_rigid(const Eigen::Isometry3d& guess) {
   const Eigen::IOFormat one_line(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
                                  "[", "]");
   fail(kFunction, "guess must be a finite rigid motion", guess.matrix().format(one_line));
-}
-
-void require_finite_rows(const float* rows, std::size_t count, const char* name) {
-  const float* end = rows + 3 * count;
-  const float* bad = std::find_if(rows, end, [](float x) { return !std::isfinite(x); });
-  if (bad == end) return;
-  throw std::invalid_argument("register_clouds: " + std::string(name) + "[" +
-                              std::to_string((bad - rows) / 3) + "] is not finite");
 }
 
 Eigen::Vector3d point_at(const float* points, std::size_t i) {
@@ -161,8 +152,8 @@ Registration register_clouds(const float* source, std::size_t sources, const flo
                              const CloudRule& rule) {
   validate(rule);
   require_rigid(guess);
-  require_finite_rows(source, sources, "source");
-  require_finite_rows(target, targets, "target");
+  require_finite_points(kFunction, "source", source, sources);
+  require_finite_points(kFunction, "target", target, targets);
   if (sources == 0) return {guess, 0, 0, false};
 
   // PCL computes in float: coordinates are relative to the middle of the source, after the guess.

@@ -148,6 +148,17 @@ TEST(Objects, FlatSurfaceBeforeNothingMeasuredIsNoRemoval) {
   }
 }
 
+TEST(Objects, StepsToTheLargestDepthsAreFinite) {
+  ImagePair pair;
+  pair.put(In::kMap, 60, 40, 30, 20, 1.6f, 0.9f, 0.1f, 0.1f);
+  pair.put(In::kFrame, 60, 40, 30, 20, 1e38f, 0.5f, 0.5f, 0.5f);
+  Views views = pair.views();
+  views.noise = {0.008, 0};
+  const Surfaces found = find_changed_surfaces(views, compute_masks(views, {}), {});
+  ASSERT_EQ(found.surfaces.size(), 1u);
+  validate(found.surfaces[0], "test");
+}
+
 TEST(Objects, MisplacedEdgesAreNoChange) {
   ImagePair pair;
   pair.put(In::kMap, 60, 40, 30, 30, 1.2f, 0.9f, 0.1f, 0.1f);

@@ -1,5 +1,10 @@
 #include <gmock/gmock.h>
 
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "color_histogram.hpp"
 #include "detect_scenes.hpp"
 #include "gslts/detect/objects.hpp"
 
@@ -182,15 +187,31 @@ TEST(Surface, OneBuiltByHandIsClassified) {
   EXPECT_EQ(match_features(surface, surface)[0], 1);  // Without histograms nothing matches.
 }
 
-TEST(Surface, InvalidFieldsAreNamed) {
-  Surface surface;
-  surface.low = {1, 0, 0};
+std::string message_of(const Surface& surface) {
   try {
-    validate(surface, "test");
-    FAIL();
+    classify_changes({surface}, {});
   } catch (const std::invalid_argument& error) {
-    EXPECT_STREQ(error.what(), "test: low must not exceed high");
+    return error.what();
   }
+  return "";
+}
+
+TEST(Surface, InvalidFieldsAreNamed) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Surface inverted, unsure, unmeasured, unseen, colorless;
+  inverted.low = {1, 0, 0};
+  EXPECT_EQ(message_of(inverted), "classify_changes: low must not exceed high, got 1");
+  unsure.color_confidence = nan;
+  EXPECT_EQ(message_of(unsure), "classify_changes: color_confidence must be in [0, 1], got nan");
+  unmeasured.evidence.thickness_m = -1;
+  EXPECT_EQ(message_of(unmeasured),
+            "classify_changes: thickness_m must be finite and at least 0, got -1");
+  unseen.visibility = Visibility{0, nan, 1};
+  EXPECT_EQ(message_of(unseen),
+            "classify_changes: seen_through must be finite and at least 0, got nan");
+  colorless.color_histogram.assign(kHistogramBins, std::numeric_limits<float>::quiet_NaN());
+  EXPECT_EQ(message_of(colorless),
+            "classify_changes: color_histogram must not be negative or NaN, got nan");
 }
 
 TEST(Parts, CloseSurfacesAreOneObject) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <random>
 #include <vector>
@@ -38,6 +39,19 @@ double distance_m(const float* a, const float* b) {
   return (Eigen::Map<const Eigen::Vector3f>(a).cast<double>() -
           Eigen::Map<const Eigen::Vector3f>(b).cast<double>())
       .norm();
+}
+
+/// Thins points by exhaustive search.
+std::vector<std::uint32_t> thinned(const std::vector<float>& points,
+                                   const std::vector<float>& spacing_m) {
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < spacing_m.size(); ++i) {
+    const bool free = std::all_of(rows.begin(), rows.end(), [&](std::uint32_t j) {
+      return distance_m(&points[3 * i], &points[3 * j]) >= double(spacing_m[i]);
+    });
+    if (free) rows.push_back(i);
+  }
+  return rows;
 }
 
 TEST(Nearest, EqualsExhaustiveSearch) {
@@ -88,15 +102,20 @@ TEST(ThinPoints, KeepsDistancesAndLeavesNoGap) {
   std::vector<float> spacing_m(kPoints);
   for (std::size_t i = 0; i < kPoints; ++i) spacing_m[i] = 0.1f + 0.3f * float(i % 7) / 7;
   const Array<std::uint32_t> stay = thin_points(points.data(), spacing_m.data(), kPoints);
-  std::vector<std::uint32_t> expected;
-  for (std::uint32_t i = 0; i < kPoints; ++i) {
-    const bool free = std::all_of(expected.begin(), expected.end(), [&](std::uint32_t j) {
-      return distance_m(&points[3 * i], &points[3 * j]) >= double(spacing_m[i]);
-    });
-    if (free) expected.push_back(i);
-  }
-  EXPECT_EQ(std::vector<std::uint32_t>(stay.begin(), stay.end()), expected);
+  EXPECT_EQ(std::vector<std::uint32_t>(stay.begin(), stay.end()), thinned(points, spacing_m));
   EXPECT_LT(stay.size(), kPoints * 3 / 4);
+}
+
+TEST(ThinPoints, KeepsDistancesOfAllScales) {
+  constexpr std::size_t kPoints = 1500;
+  std::vector<float> points = random_points(kPoints, 4), spacing_m = random_points(kPoints, 5);
+  spacing_m.resize(kPoints);
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    spacing_m[i] = std::exp(2 * spacing_m[i] - 3);  // 1 mm to 20 m.
+    for (std::size_t c = 0; c < 3; ++c) points[3 * i + c] *= i % 2 == 0 ? 1 : 0.01f;
+  }
+  const Array<std::uint32_t> stay = thin_points(points.data(), spacing_m.data(), kPoints);
+  EXPECT_EQ(std::vector<std::uint32_t>(stay.begin(), stay.end()), thinned(points, spacing_m));
 }
 
 TEST(ThinPoints, AcceptsExtremes) {

@@ -65,14 +65,14 @@ class ObjectRule:
     within `step_px` pixels.
     
     Args:
-        step_sigmas: Minimum step, in standard deviations.
+        step_sigmas: Minimum step, in standard deviations, above 0.
         step_px: Part for the slope of the surface, px.
         edge_tolerance_px: By which edges may be misplaced, px.
         min_area_m2: Minimum area of a surface, facing the camera, m^2.
         min_area_px: Minimum area of a part of a surface, px.
         min_flat_area_m2: Minimum area of a flat change (colours changed, but no single pixel's depth),
             m^2.
-        min_flat_color: Minimum colour change of a flat change, summed over the channels, 0 to 3.
+        min_flat_color: Minimum colour change of a flat change, summed over the channels, above 0 to 3.
         min_flat_step_m: Minimum median depth difference that tells the side of a flat change, m.
         min_flat_contrast: Minimum difference of the brightness gradient across the outline of a flat
             change, 1/px.
@@ -224,6 +224,10 @@ class Evidence:
         ring_color_ratio: Colour change around it, as a share of that on it.
         depth_error_m: Mean expected error of the rendered depth, m.
         color_error: Mean expected error of the rendered colour, summed over the channels.
+    
+    Raises:
+        ValueError: A number is not finite, a share is not in 0 to 1, or another one but the correlation
+            is negative.
     """
     def __init__(self, *, step_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, changed_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, thickness_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, attached_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, residual_color: typing.SupportsFloat | typing.SupportsIndex = 0.0, correlation: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_color_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_error_m: typing.SupportsFloat | typing.SupportsIndex = 0.012, color_error: typing.SupportsFloat | typing.SupportsIndex = 0.05) -> None:
         ...
@@ -271,6 +275,9 @@ class Visibility:
         free_share: Share of the samples that the recording saw through.
         missing_share: Of a surface of the map, share of the samples that the recording saw through
             and never measured.
+    
+    Raises:
+        ValueError: A count is negative or not finite, or a share is not in 0 to 1.
     """
     def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex, recorded_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, free_share: typing.SupportsFloat | typing.SupportsIndex = 1.0, missing_share: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
@@ -313,14 +320,14 @@ class Surface:
         flat: It is a flat change: colours changed, but no single pixel's depth.
         samples: [N] points (3,) of it, world, m.
         color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
-        evidence: Measurements on and around it; None: all are 0.
+        evidence: Measurements on and around it; None: those of `Evidence()`.
         visibility: Visibility counts of the samples; None: unknown.
         color_confidence: Confidence of a region of colours, 0 to 1, in place of that from the rest; None:
             not known.
     
     Raises:
-        ValueError: A number is not finite, an area is negative, the box is inverted, or the histogram
-            has another length.
+        ValueError: A number is not finite, an area or a depth is negative, the box is inverted, the
+            histogram has another length or sum, or the confidence is not in 0 to 1.
     """
     def __init__(self, *, side: Side, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], low: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], high: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], label: int = 0, area_px: int = 0, area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, color: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = (0.0, 0.0, 0.0), step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, flat: bool = False, samples: collections.abc.Sequence[typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"]] = (), color_histogram: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = (), evidence: Evidence | None = None, visibility: Visibility | None = None, color_confidence: typing.SupportsFloat | typing.SupportsIndex | None = None) -> None:
         ...
@@ -339,7 +346,7 @@ class Surface:
         May be set: what updates added is not known to the detection.
         """
     @color_confidence.setter
-    def color_confidence(self, arg0: typing.SupportsFloat | typing.SupportsIndex | None) -> None:
+    def color_confidence(self, arg1: typing.SupportsFloat | typing.SupportsIndex | None) -> None:
         ...
     @property
     def color_histogram(self) -> list[float]:
@@ -511,7 +518,7 @@ class Views:
         depth_error: [H,W] float32, expected error of the rendered depth, m; None if it is not known.
         color_error: [H,W] float32, expected error of the rendered colours, summed over the channels.
         noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
-            depths z of an unchanged surface is a + b z^2.
+            depths z of an unchanged surface is a + b z^2. Neither is negative, and not both are 0.
     
     Raises:
         ValueError: An array has another shape, type or layout.
@@ -536,7 +543,7 @@ def classify_changes(surfaces: collections.abc.Sequence[Surface], rule: ObjectRu
         Changes with at least `rule.min_confidence`, the highest confidence first.
     
     Raises:
-        ValueError: A threshold is out of range.
+        ValueError: A threshold or a number of a surface is out of range.
     """
 def compute_masks(views: Views, rule: MaskRule) -> Masks:
     """
@@ -625,7 +632,7 @@ def find_changed_surfaces(views: Views, masks: Masks, rule: ObjectRule) -> tuple
         The surfaces, and [H,W] int32 their labels, 0 where nothing changed.
     
     Raises:
-        ValueError: A threshold is out of range, or the masks have another size.
+        ValueError: A threshold or the noise is out of range, or the masks have another size.
     """
 def find_regions(views: Views, masks: Masks, rule: ObjectRule) -> list[Region]:
     """

@@ -57,4 +57,4 @@ def expect_departures(surfaces: Iterable[_core.Surface], added: Container[int]) 
         confidence = surface.color_confidence
         if confidence is not None and surface.label in added:
             came_odds = np.exp(CAME_LOG_ODDS) * confidence
-            surface.color_confidence = float(came_odds / (came_odds + 1 - confidence))
+            surface.color_confidence = float(came_odds / (came_odds + (1 - confidence)))

@@ -47,7 +47,7 @@ def test_only_regions_of_what_came_are_raised() -> None:
     assert [s.color_confidence for s in surfaces[1:]] == [0.2, 0.2, None, 0.2]
 
 
-@pytest.mark.parametrize("confidence", [0.0, 1e-12, 1 - 1e-12, 1.0])
+@pytest.mark.parametrize("confidence", [0.0, 1e-12, 1 - 1e-12, 1 - 2**-53, 1.0])
 def test_confidences_stay_probabilities(confidence: float) -> None:
     changed = surface(1, Side.BEFORE, confidence)
     expect_departures([changed], {1})

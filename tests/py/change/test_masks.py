@@ -138,7 +138,8 @@ def test_settings_out_of_range_are_named(function: str, rule: Any) -> None:
 @pytest.mark.parametrize("noise", [(-0.01, 0.002), (0.008, np.nan), (np.inf, 0), (0, 0)])
 def test_noise_out_of_range_is_named(noise: tuple[float, float]) -> None:
     """Depth steps are divided by it."""
-    views = core.Views(camera=CAMERA, **blank(), noise=noise)
+    images: dict[str, Any] = {**blank(), "noise": noise}
+    views = core.Views(camera=CAMERA, **images)
     masks = core.compute_masks(views, MaskRule())
     with pytest.raises(ValueError, match=r"^find_changed_surfaces: noise.* must be in \["):
         core.find_changed_surfaces(views, masks, ObjectRule())

@@ -135,11 +135,45 @@ def test_surfaces_of_another_detector_make_a_relocation() -> None:
         ("point", (np.nan, 0, 0), "point must be finite"),
         ("samples", [(0, 0, np.inf)], "samples must be finite"),
         ("low", (2, 1.9, 0.4), "low must not exceed high"),
-        ("area_m2", -1, "area_px and area_m2 must be at least 0"),
-        ("depth_m", -1, "depth_m must be finite and at least 0"),
+        ("area_m2", -1, "area_m2 must be finite and at least 0, got -1"),
+        ("depth_m", -1, "depth_m must be finite and at least 0, got -1"),
+        ("step_m", np.inf, "step_m must be finite, got inf"),
         ("color_histogram", [0.5, 0.5], "color_histogram must have 0 or 2304 bins, got 2"),
+        ("color_histogram", [np.nan] * 2304, "color_histogram must not be negative or NaN"),
+        ("color_histogram", [-1.0, 2.0] * 1152, "color_histogram must not be negative or NaN"),
+        ("color_histogram", [1.0] * 2304, "color_histogram must sum up to 1, got 2304"),
+        ("color_confidence", np.nan, r"color_confidence must be in \[0, 1\], got nan"),
+        ("color_confidence", 1.1, r"color_confidence must be in \[0, 1\], got 1.1"),
     ],
 )
 def test_fields_of_a_surface_out_of_range_are_named(field: str, value: Any, message: str) -> None:
     with pytest.raises(ValueError, match=f"^Surface: {message}"):
         build_surface(**{field: value})
+
+
+@pytest.mark.parametrize("confidence", [-0.1, 1.1, np.nan])
+def test_a_confidence_of_colours_is_set_to_a_probability(confidence: float) -> None:
+    surface = build_surface(color_confidence=0.5)
+    with pytest.raises(ValueError, match=r"^Surface: color_confidence must be in \[0, 1\], got"):
+        surface.color_confidence = confidence
+    assert surface.color_confidence == 0.5
+    surface.color_confidence = None
+    assert surface.color_confidence is None
+
+
+@pytest.mark.parametrize("name", [name for name in dir(core.Evidence) if not name.startswith("_")])
+def test_evidence_out_of_range_is_named(name: str) -> None:
+    """Otherwise its confidence would be NaN, and a change whatever `min_confidence` is."""
+    for wrong in (np.nan, np.inf) if name == "correlation" else (np.nan, np.inf, -1):
+        with pytest.raises(ValueError, match=f"^Evidence: {name} must be "):
+            core.Evidence(**{name: wrong})
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in dir(core.Visibility) if not name.startswith("_")]
+)
+def test_visibility_out_of_range_is_named(name: str) -> None:
+    counts = {"on_surface": 1, "seen_through": 1, "known_share": 1}
+    for wrong in (np.nan, np.inf, -1):
+        with pytest.raises(ValueError, match=f"^Visibility: {name} must be "):
+            core.Visibility(**{**counts, name: wrong})

@@ -368,7 +368,7 @@ def test_arrays_of_the_core_are_checked() -> None:
     view = gaussian_map.view()
     camera = update_room.collected("removal").views[0].camera
     mask = np.zeros((120, 160), np.bool_)
-    with pytest.raises(ValueError, match="masks: expected 1, one a camera, got 2"):
+    with pytest.raises(ValueError, match="masks: expected 1, one per camera, got 2"):
         core.count_votes(view, [camera], [mask, mask], None, core.VoteRule())
     with pytest.raises(ValueError, match=r"masks: expected .* bool .* \(120, 160\), got uint8"):
         core.count_votes(view, [camera], [mask.view(np.uint8)], None, core.VoteRule())

@@ -54,13 +54,13 @@ struct ObjectChange {
 /// has no such step: its colours do not occur around it in the other image, and depth, colours or
 /// outline decide in which image it lies.
 /// @param masks  Of the same views.
-/// @throws std::invalid_argument  if the camera or a setting is invalid.
+/// @throws std::invalid_argument  if the camera, the noise of the depth or a setting is invalid.
 Surfaces find_changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);
 
 /// Classifies surfaces as additions, removals and relocations: what vanished and what appeared are
 /// one object if they match in colours and size.
 /// @return  Changes with at least `min_confidence`, the highest confidence first.
-/// @throws std::invalid_argument  if a setting is invalid.
+/// @throws std::invalid_argument  if a setting or a surface is invalid.
 std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
                                            const ObjectRule& rule);
 

@@ -63,10 +63,16 @@ struct Surface {
   std::optional<double> color_confidence;
 };
 
-/// Checks a surface that did not come from `find_changed_surfaces`.
-/// @throws std::invalid_argument  naming the function, if a number is not finite, an area is
-/// negative,
-///   the box is inverted, or the histogram has another length.
+/// Checks measurements that did not come from `find_changed_surfaces`, and counts.
+/// @throws std::invalid_argument  naming the function, if a number is not finite, a share is not in
+///   [0, 1], or another number but the correlation is negative.
+void validate(const Evidence& evidence, const char* function);
+void validate(const Visibility& visibility, const char* function);
+
+/// Checks a surface, with its evidence and visibility.
+/// @throws std::invalid_argument  naming the function, if a number is not finite, an area or a
+///   depth is negative, the box is inverted, the histogram has another length or sum, or the
+///   confidence of colours is not in [0, 1].
 void validate(const Surface& surface, const char* function);
 
 /// Number of the numbers that `confidence` weighs.

@@ -6,7 +6,6 @@
 
 namespace gslts::detect {
 
-/// A frame and a rendering of the map from the same camera: images of one size, row by row.
 /// Standard deviation of the difference of measured and rendered depths of an unchanged surface:
 /// constant_m + per_m depth^2. The defaults are for maps of which nothing is known.
 struct DepthNoise {
@@ -14,6 +13,7 @@ struct DepthNoise {
   double per_m = 0.002;        ///< 1/m
 };
 
+/// A frame and a rendering of the map from the same camera: images of one size, row by row.
 struct Views {
   Camera camera;                ///< Camera of all images.
   const float* observed_rgb;    ///< [H,W,3] sRGB, 0 to 1.

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <sstream>
 #include <stdexcept>
+#include <string>
 
 namespace gslts {
 
@@ -21,6 +25,17 @@ template <typename Value>
 template <typename Value>
 void require(bool holds, const char* function, const char* what, const Value& value) {
   if (!holds) fail(function, what, value);
+}
+
+/// Checks that points [count,3] are finite.
+/// @throws std::invalid_argument  naming the first point that is not.
+inline void require_finite_points(const char* function, const char* name, const float* points,
+                                  std::size_t count) {
+  const float* end = points + 3 * count;
+  const float* bad = std::find_if(points, end, [](float x) { return !std::isfinite(x); });
+  if (bad == end) return;
+  throw std::invalid_argument(std::string(function) + ": " + name + "[" +
+                              std::to_string((bad - points) / 3) + "] is not finite");
 }
 
 }  // namespace gslts
