@@ -13,6 +13,7 @@ import typer
 from gslts.cli.arguments import Map
 from gslts.cli.localize import Localize, localizer_of
 from gslts.cli.mapping import Dataset, Threads, echo_skipped
+from gslts.io.messages import to_line
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
@@ -104,7 +105,7 @@ def detect(
 
 
 def _echo_error(name: str, error: Exception, *, as_json: bool) -> None:
-    reason = " ".join(str(error).split())
+    reason = to_line(str(error))
     plain = {"frame": name, "unreliable": reason, "changes": [], "unknown": []}
     typer.echo(json.dumps(plain) if as_json else f"{name}: unreliable: {reason}")
 

@@ -13,6 +13,7 @@ import typer
 
 from gslts.cli.arguments import MapFolder
 from gslts.cli.mapping import Threads, echo_skipped
+from gslts.io.messages import to_line
 
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
@@ -160,7 +161,7 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
             frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
             fault = frame.fault
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
-            fault = " ".join(str(error).split())
+            fault = to_line(str(error))
         if fault is None:
             read[entry.name] = frame
         else:
@@ -281,7 +282,7 @@ class _Result:
         """Return a lost frame that cannot be read."""
         from gslts.localization.relocalizer import Localization
 
-        return cls(name, Localization("lost", " ".join(str(error).split())), 0.0, given)
+        return cls(name, Localization("lost", to_line(str(error))), 0.0, given)
 
     @property
     def error(self) -> tuple[float, float] | None:
