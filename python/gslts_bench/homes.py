@@ -288,8 +288,8 @@ def _code() -> dict[str, Any]:
     for name in ("numpy", "embreex"):
         with suppress(PackageNotFoundError):  # The simulator is an extra.
             libraries[name] = version(name)
-    recorded = code_digest("gslts_bench.homes", without=("gslts.mapping",))
+    recorded, native = code_digest("gslts_bench.homes", without=("gslts.mapping",)), native_digest()
     return {
-        "sim": {"python": recorded, "libraries": libraries},
-        "map": {"python": code_digest("gslts_bench.homes"), "native": native_digest()},
+        "sim": {"python": recorded, "native": native, "libraries": libraries},
+        "map": {"python": code_digest("gslts_bench.homes"), "native": native},
     }

@@ -40,7 +40,8 @@ MESSAGES = ("ViewerCameraMessage", "GuiUpdateMessage", "ScenePointerMessage")
 TOKEN = re.compile("[A-Za-z0-9_-]{16,128}")
 """A token: characters that need no quotes in a URL, and too many to be guessed."""
 COOKIE = "gslts-token"
-"""Cookie of the token, so that it leaves the address of the page at once."""
+"""Cookie of the token, so that it leaves the address of the page at once. The port follows: a
+browser sends the cookies of all ports of a host, and there may be several viewers."""
 STILL = "/still"
 """Path of a page for browsers without WebGL 2."""
 TO_STILL = f"""<script>
@@ -154,15 +155,17 @@ def check_request(request: Request, token: str | None) -> Response | None:
         # A name that some site lets point to this machine is not of this machine.
         name = urlsplit(f"//{host}").hostname
         return None if name in LOOPBACK else _answer(http.HTTPStatus.FORBIDDEN, "Wrong host.")
+    port = host.rpartition(":")[2]
+    cookie_name = f"{COOKIE}-{port}" if port.isdecimal() else COOKIE
     query = parse_qs(urlsplit(request.path).query)
     if _is(token, query.get("token", [""])[0]):
-        cookie = f"{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"
+        cookie = f"{cookie_name}={token}; HttpOnly; SameSite=Strict; Path=/"
         return _answer(http.HTTPStatus.SEE_OTHER, "", Location="/", **{"Set-Cookie": cookie})
     try:
         cookies = SimpleCookie(request.headers.get("Cookie", ""))
     except CookieError:
         cookies = SimpleCookie()
-    if COOKIE in cookies and _is(token, cookies[COOKIE].value):
+    if cookie_name in cookies and _is(token, cookies[cookie_name].value):
         return None
     return _answer(http.HTTPStatus.UNAUTHORIZED, "Open the address with ?token=TOKEN at its end.")
 

@@ -32,6 +32,10 @@ ANSWER_S = 2.0
 """Maximum time that a page takes to answer, s; one that is in no window draws and answers later."""
 REST_S = 0.3
 """Time without a move after which colours are computed for the new direction, s."""
+PLAY_S = 1.0
+"""Time between the versions of *Play*, s."""
+UNASKED = {"robot", "follow", "problem"}
+"""Tasks that nobody on the page asks for; they interrupt nothing, as a robot posts them often."""
 NO_EVENT = "..."
 """First entry of the list of object changes."""
 
@@ -53,7 +57,7 @@ class Page:
         self._client, self._map, self._send_goal = client, viewed, send_goal
         self._overlay = Overlay(client.scene, viewed.origin)
         self._splats = Splats(client.scene)
-        self._shown = 0
+        self._shown, self._replaced = 0, viewed.replaced
         self._robot: RobotPanel | None = None
         self._tasks: dict[str, Callable[[], None]] = {}
         self._changed = threading.Condition()
@@ -187,7 +191,7 @@ class Page:
             (self._event.on_update, "event", self._show_event),
             (self._boxes.on_update, "changes", self._show_changes),
             (self._cameras.on_update, "cameras", self._show_cameras),
-            (self._following.on_update, "follow", self._follow),
+            (self._following.on_update, "following", self._follow),
             (play.on_click, "play", self._play),
             (self._client.camera.on_update, "camera", self._on_camera),
         ):
@@ -219,9 +223,9 @@ class Page:
     def _show_version(self) -> None:
         number = self._number
         self._show_blocks(self._map.blocks(number))
-        is_new = number != self._shown or not self._described.content
-        self._shown = number
-        self._described.content = paragraphs(self._map.describe(number))
+        described = paragraphs(self._map.describe(number))
+        is_new = number != self._shown or described != self._described.content
+        self._shown, self._described.content = number, described
         if is_new:
             self._before.value = max(1, number - 1)
             self._object.clear()
@@ -246,10 +250,20 @@ class Page:
                 self._splats.remove_others(blocks)
             self._client.flush()
 
+    def _is_asked(self, timeout_s: float = 0) -> bool:
+        """Wait until something is asked for; return whether it is, or the page is closed."""
+
+        def is_asked() -> bool:
+            return not self._is_open or not self._tasks.keys() <= UNASKED
+
+        with self._changed:
+            return self._changed.wait_for(is_asked, timeout_s)
+
     def _on_camera(self) -> None:
-        with self._changed:  # Until the camera rests, or something else is asked for.
-            if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=REST_S):
-                return
+        if self._is_asked(REST_S):  # It does not rest, or something else comes first.
+            with self._changed:
+                self._tasks.setdefault("camera", self._on_camera)
+            return
         self._divider.update()
         if self._shown and self._map.gaussians(self._shown).sh_degree > 0:
             self._show_blocks(self._map.blocks(self._shown))
@@ -260,24 +274,32 @@ class Page:
         return (NO_EVENT, *sorted(changes, key=lambda text: -changes[text][1].version))
 
     def _follow(self) -> None:
-        newest, was_newest = self._map.newest, self._slider.max
-        if newest > was_newest:
+        newest, replaced = self._map.newest, self._map.replaced
+        is_new = newest > self._slider.max or replaced != self._replaced
+        self._replaced = replaced
+        if is_new:
             self._event.options = self._events()
         for slider in (self._slider, self._before):
+            if slider.value > newest:
+                slider.value = newest
             slider.max, slider.disabled = newest, newest == 1
-        if self._following.value and newest > was_newest:
-            self._slider.value = newest
+        if is_new:
+            if self._following.value:
+                self._slider.value = newest
             self._show_version()
 
     def _play(self) -> None:
         self._following.value = False
-        start = 1 if self._number == self._map.newest else self._number + 1
-        for number in range(start, self._map.newest + 1):
-            with self._changed:  # Whatever else is asked for ends it.
-                if self._changed.wait_for(lambda: self._tasks or not self._is_open, timeout=1):
-                    return
-            self._slider.value = number
-            self._show_version()
+        self._play_from(1 if self._number == self._map.newest else self._number + 1)
+
+    def _play_from(self, number: int) -> None:
+        """Show a version soon, and let the next one follow, unless something else is asked for."""
+        if self._is_asked(PLAY_S):
+            return
+        self._slider.value = number
+        self._show_version()
+        if number < self._map.newest and not self._is_asked():
+            self.post("play", lambda: self._play_from(number + 1))
 
     def _show_changes(self) -> None:
         self._overlay.clear("changes")

@@ -98,6 +98,7 @@ class ViewedMap:
         name: Name of the folder.
         versions: All versions, oldest first.
         lines: Object changes in words, by number of the version.
+        replaced: Number of times that a pull replaced versions by those of others.
         origin: (3,) origin of the map in the world, m: that of the pages.
 
     Raises:
@@ -111,6 +112,7 @@ class ViewedMap:
         self.name = folder.resolve().name
         self.versions: list[Version] = []
         self.lines: dict[int, list[str]] = {}
+        self.replaced = 0
         self.gaussians: Callable[[int], GaussianMap] = self._cached(self._read, CACHED_VERSIONS)
         self._blocks = self._cached(self._make_blocks, CACHED_VERSIONS)
         self._semantics = self._cached(self._open_semantics, 1)
@@ -125,7 +127,7 @@ class ViewedMap:
         return self.versions[-1].number
 
     def refresh(self) -> bool:
-        """Read the history again if there are new versions.
+        """Read the history again if there are new versions, or others than before.
 
         Returns:
             True if there are.
@@ -135,9 +137,11 @@ class ViewedMap:
             ValueError: It is damaged.
         """
         with open_history(self._folder) as store:
-            if self.versions and store.version().number == self.newest:
+            # What replaces an earlier version changes ids and counts of those after it, too.
+            if self.versions and store.version() == self.versions[-1]:
                 return False
             lines, versions = describe_versions(store), store.versions()
+        self.replaced += _contents(self.versions) != _contents(versions[: len(self.versions)])
         self.lines, self.versions = lines, versions  # In this order: pages read them meanwhile.
         return True
 
@@ -361,11 +365,12 @@ class ViewedMap:
 
     def _cached(self, function: Callable[[int], Value], size: int) -> Callable[[int], Value]:
         """Return a function of the number of a version that remembers its last results."""
-        cached, lock = lru_cache(size)(function), threading.Lock()
+        cached = lru_cache(size)(lambda number, _replaced: function(number))
+        lock = threading.Lock()
 
         def locked(number: int) -> Value:
             with lock:  # Nothing is read twice, and what is slow delays no other function.
-                return cached(number)
+                return cached(number, self.replaced)
 
         return locked
 
@@ -387,3 +392,8 @@ class ViewedMap:
 
     def _make_plan(self, number: int) -> SemanticMap:
         return make_semantic_map(self.gaussians(number), RobotBody())
+
+
+def _contents(versions: Sequence[Version]) -> list[Version]:
+    """Return versions without their files, which gc removes."""
+    return [version.model_copy(update={"delta": None}) for version in versions]

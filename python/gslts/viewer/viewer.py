@@ -57,7 +57,7 @@ class Viewer:
         self._pages: dict[int, Page] = {}
         self._path: deque[Floats] = deque(maxlen=MAX_PATH)
         self._still_lock = threading.Lock()
-        self._still = lru_cache(1)(lambda _number: make_still_page(folder))
+        self._still = lru_cache(1)(lambda _number, _replaced: make_still_page(folder))
         self._server: Any = open_server(host, port, self._map.name, token, self._make_still)
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.get_port()}"
@@ -111,7 +111,7 @@ class Viewer:
 
     def _make_still(self) -> bytes:
         with self._still_lock:  # It takes a second, and is made once for each version.
-            return self._still(self._map.newest)
+            return self._still(self._map.newest, self._map.replaced)
 
     def _follow(self) -> None:
         problem = ""

@@ -85,11 +85,13 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
             if f"{name}/0" in done:
                 continue
             try:
-                for record in self._walks(name, task, home, known, detector, [*cameras.values()]):
-                    add(record.model_dump(mode="json"))
+                walks = self._walks(name, task, home, known, detector, [*cameras.values()])
+                records = list(walks)
             except Exception as error:  # Other objects go on.
-                failed = self._record(f"{name}/0", task, error=message_of(error))
-                add(failed.model_dump(mode="json"))
+                records = [self._record(f"{name}/0", task, error=message_of(error))]
+            for record in reversed(records):  # The first one last: with it, the object is done.
+                if record.id not in done:
+                    add(record.model_dump(mode="json"))
 
     def _walks(
         self,

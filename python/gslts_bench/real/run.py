@@ -82,7 +82,7 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
     @property
     def settings(self) -> dict[str, Any]:
         """JSON values that decide the results besides map and code."""
-        return {"without_depth": self.without_depth}
+        return {"without_depth": self.without_depth, **self.bench.judged_of}
 
     @property
     def count(self) -> int:

@@ -85,6 +85,11 @@ class UpdateUnit(BenchUnit[UpdateRecord, RealRoom]):
     record = UpdateRecord
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """JSON values that decide the results besides map and code."""
+        return self.bench.judged_of
+
+    @property
     def count(self) -> int:
         """Number of later visits."""
         return len(self.bench.marked.visits)

@@ -48,6 +48,16 @@ class RealRoom:
         return self.marked.room
 
     @property
+    def judged_of(self) -> dict[str, Any]:
+        """JSON values that decide results besides the map: boxes and content of later visits.
+
+        Raises:
+            OSError: A visit cannot be read.
+        """
+        visits = {visit: content_digest(self.path / visit) for visit in self.marked.visits}
+        return {"marked": self.marked.model_dump(mode="json"), "visits": visits}
+
+    @property
     def reference(self) -> Path:
         """Data set that the map is made from."""
         return self.path / self.marked.reference

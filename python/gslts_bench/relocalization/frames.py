@@ -100,7 +100,8 @@ def batches_of(bench: BenchHome, views: int) -> Iterator[Batch]:
 def other_homes(bench: BenchHome) -> tuple[BenchHome, BenchHome]:
     """Return a home of another room type, and one of the same type, which is more similar.
 
-    To a foreign home, two of ours.
+    To a foreign home, two of ours. To a flat, whose rooms are the homes of its seed, a room and a
+    flat of another seed.
 
     Args:
         bench: The home.
@@ -109,9 +110,11 @@ def other_homes(bench: BenchHome) -> tuple[BenchHome, BenchHome]:
     if bench.file is not None:
         first, second = (replace(bench, room_type=name, file=None) for name in types[:2])
         return first, second
+    similar = replace(bench, seed=bench.seed ^ 1)  # Seeds go in pairs, which are of one split.
+    if bench.room_type not in types:
+        return replace(similar, room_type=types[0]), similar
     next_type = types[(types.index(bench.room_type) + 1) % len(types)]
-    # Seeds go in pairs, which keeps them in one split.
-    return replace(bench, room_type=next_type), replace(bench, seed=bench.seed ^ 1)
+    return replace(bench, room_type=next_type), similar
 
 
 def make_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:

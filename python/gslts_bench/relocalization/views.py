@@ -8,7 +8,7 @@ from functools import cache, partial
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame, open_dataset
-from gslts.mapping.frames import HELD_OUT_EVERY
+from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case
 from gslts_bench.homes import BenchHome
@@ -60,10 +60,10 @@ def views_of(bench: BenchHome, count: int) -> Iterator[View]:
 
 
 def _held_out(bench: BenchHome, count: int) -> Iterator[View]:
-    """Yield the frames of the recording that are held out of the map."""
-    folder = bench.recording()
+    """Yield the frames of the recording that neither trained nor validated the map."""
+    folder, record = bench.recording(), TrainingRecord.read(bench.map())
     frames, true = open_dataset(folder).frames, true_poses(folder)
-    for number in range(0, len(frames), HELD_OUT_EVERY)[:count]:
+    for number in record.choose_test([frame.name for frame in frames])[:count]:
         frame = frames[number]
         take = partial(_read, frame, true[frame.name])
         yield View(f"{bench.name}/kept_{frame.name}", "held-out", number, take)

@@ -116,12 +116,13 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the task of a record.
+        """Return whether this run asks for the task and the method of a record.
 
         Args:
             record: A record in the file of results.
         """
-        return int(record.task.rpartition("/")[2]) < self.tasks
+        is_method = self.ablation or record.method not in ABLATION
+        return is_method and int(record.task.rpartition("/")[2]) < self.tasks
 
     def count_missing(self, records: Sequence[Record]) -> int:
         """Return how many of the tasks that were asked for do not exist.
@@ -179,14 +180,17 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.evaluation_views(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
+        records = []
         for method in methods:
             maps[method], numbers = self._update(method, ground, found, collecting_s)
             scores = {view: asdict(score) for view, score in judge.scores(maps[method]).items()}
-            add(_record(name, task, method, scores=scores, **numbers).model_dump(mode="json"))
+            records.append(_record(name, task, method, scores=scores, **numbers))
         if all(method in maps for method in METHODS):
             path = self.image(name)
             path.parent.mkdir(parents=True, exist_ok=True)
             Image.fromarray(compare(judge, {method: maps[method] for method in METHODS})).save(path)
+        for record in records:  # Together: what has a result has its image, too.
+            add(record.model_dump(mode="json"))
         for method in curves:
             curve = _curve(METHODS[method], ground, found, judge)
             record = _record(name, task, f"curve, {method}", detected=True, curve=curve)

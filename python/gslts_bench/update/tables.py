@@ -24,7 +24,7 @@ METRICS = {"SSIM": ("ssim", 3), "PSNR": ("psnr_db", 2), "FLIP": ("flip", 3), "LP
 
 
 def summarize(records: Sequence[Record]) -> dict[str, Any]:
-    """Compute means over the tasks that every method was tried on.
+    """Compute means over the tasks that have a record of every method of the run.
 
     Args:
         records: Records without error.
@@ -32,15 +32,17 @@ def summarize(records: Sequence[Record]) -> dict[str, Any]:
     Returns:
         JSON values.
     """
-    tasks = {record.task for record in records}
-    missed = {record.task for record in records if record.method == NOT_DETECTED}
-    by_method = {name: _numbers(records, name) for name in (*METHODS, *ABLATION)}
+    updated = _of_all(records, [*METHODS, *ABLATION])
+    curves = _of_all(records, [f"curve, {name}" for name in CURVE_OF])
+    detected = len({record.task for record in updated})
+    missed = len({record.task for record in records if record.method == NOT_DETECTED})
+    by_method = {name: _numbers(updated, name) for name in (*METHODS, *ABLATION)}
     return {
-        "tasks": len(tasks),
-        "detected": [len(tasks) - len(missed), len(tasks)],
+        "tasks": detected + missed,
+        "detected": [detected, detected + missed],
         "methods": {name: numbers for name, numbers in by_method.items() if numbers},
-        "curves": {name: _curve(records, name) for name in CURVE_OF},
-        "ours": _details(records),
+        "curves": {name: _curve(curves, name) for name in CURVE_OF},
+        "ours": _details(updated),
     }
 
 
@@ -65,6 +67,15 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 BENCHMARK = Benchmark("Updates after a change", "updating", summarize, tabulate)
 """The benchmark of updates."""
+
+
+def _of_all(records: Iterable[Record], methods: Sequence[str]) -> list[Record]:
+    """Return the records of some methods, without tasks for which one that was run has none."""
+    own = [record for record in records if record.method in methods]
+    tasks: dict[str, set[str]] = {}
+    for record in own:
+        tasks.setdefault(record.method, set()).add(record.task)
+    return [record for record in own if all(record.task in some for some in tasks.values())]
 
 
 def _numbers(records: Iterable[Record], method: str) -> dict[str, Any]:

@@ -20,6 +20,10 @@ from gslts_bench.cache import (
 from gslts_bench.detection.cases import Counts
 from gslts_bench.detection.run import DetectUnit
 from gslts_bench.homes import BenchHome, HomeSetup
+from gslts_bench.real.boxes import Kind, MarkedObject, MarkedRoom
+from gslts_bench.real.run import VisitUnit
+from gslts_bench.real.updates import UpdateUnit
+from gslts_bench.real.visits import RealRoom
 from gslts_bench.relocalization.run import RelocalizeUnit
 from gslts_bench.runner import BenchUnit
 
@@ -31,9 +35,10 @@ def with_setup(**changes: object) -> BenchHome:
     return replace(HOME, setup=replace(HOME.setup, **changes))
 
 
-def with_code(name: str) -> BenchHome:
-    code = {**HOME.setup.code, name: {**HOME.setup.code[name], "python": "another"}}
-    return with_setup(code=code)
+def with_code(name: str, part: str = "python") -> BenchHome:
+    code = HOME.setup.code
+    assert part in code[name]
+    return with_setup(code={**code, name: {**code[name], part: "another"}})
 
 
 OTHER_RECORDINGS = {
@@ -43,13 +48,14 @@ OTHER_RECORDINGS = {
     "size": with_setup(width=320),
     "noise": with_setup(noise="none"),
     "simulator": with_code("sim"),
+    "native simulator": with_code("sim", "native"),
 }
 OTHER_MAPS = {
     **OTHER_RECORDINGS,
     "preset": with_setup(mapping=PRESETS["best"]),
     "setting": with_setup(mapping=PRESETS["fast"].model_copy(update={"seed": 1})),
     "mapping": with_code("map"),
-    "native": with_setup(code={**HOME.setup.code, "map": {"native": "another"}}),
+    "native": with_code("map", "native"),
 }
 RELOCALIZE_UNIT = RelocalizeUnit(HOME, 60)
 OTHER_RELOCALIZATIONS = {
@@ -91,6 +97,31 @@ def test_code_decides_the_file_of_results(unit: BenchUnit) -> None:
     other = replace(UNIT)
     vars(other)["cases_of"] = {**UNIT.cases_of, "code": "another"}
     assert other.results != UNIT.results
+
+
+@pytest.mark.parametrize("unit", [VisitUnit, UpdateUnit])
+def test_boxes_and_later_visits_decide_the_file_of_results(
+    unit: type[BenchUnit], tmp_path: Path
+) -> None:
+    def results(kind: Kind = "new", image: str = "image", path: str = "scene2/a.jpg") -> Path:
+        mug = MarkedObject(kind=kind, name="mug", box_px=[0, 0, 9, 9])
+        marked = MarkedRoom(
+            room="Office", reference="scene1", visits={"scene2": {"a.jpg": [mug]}, "scene3": {}}
+        )
+        for name in ("scene1/a.jpg", "scene2/a.jpg", "scene3/a.jpg"):
+            (tmp_path / name).parent.mkdir(exist_ok=True)
+            (tmp_path / name).write_text(image if name == path else "image")
+        room = RealRoom(tmp_path, marked, PRESETS["fast"], Path("work"))
+        maps.add(digest(room.mapped_of))
+        found = unit(room).results
+        assert found is not None
+        return found
+
+    maps: set[str] = set()
+    assert results() == results()
+    others = (results("ignore"), results("new", "b"), results("new", "b", "scene3/a.jpg"))
+    assert len({results(), *others}) == 4
+    assert len(maps) == 1, "the map stays"
 
 
 def test_settings_without_effect_do_not_change_keys() -> None:

@@ -1,6 +1,9 @@
 """Scores and ground truth of `gslts bench navigate`."""
 
+from collections.abc import Iterator
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,8 +11,9 @@ import surfel_room
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from gslts_bench.navigation import relocated
 from gslts_bench.navigation.episodes import MIN_PATH_M, episodes_of
-from gslts_bench.navigation.relocated import NOT_UPDATED
+from gslts_bench.navigation.relocated import NOT_UPDATED, WALKS, RelocatedUnit
 from gslts_bench.navigation.run import Record
 from gslts_bench.navigation.tables import summarize, tabulate
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
@@ -62,6 +66,54 @@ def test_moved_objects_are_counted_apart() -> None:
     assert found["moved"]["episodes"] == 2
     assert found["moved"]["relocations"] == [1, 2]
     assert "updated: 50.0 % (1 of 2)." in tables_markdown(tabulate(found))
+
+
+def relocated_unit(monkeypatch: pytest.MonkeyPatch, fails_at: int | None) -> RelocatedUnit:
+    """Return work on one relocated mug, whose walks are made up; one of them may fail."""
+    task = SimpleNamespace(change=SimpleNamespace(object_type="Mug"))
+    bench = SimpleNamespace(
+        name="kitchen_0",
+        room_type="kitchen",
+        tasks=lambda _: [task],
+        load=lambda: None,
+        map=lambda: None,
+    )
+
+    def walks(_unit: RelocatedUnit, name: str, *_: object) -> Iterator[Record]:
+        for walk in range(WALKS):
+            if walk == fails_at:
+                raise ValueError("no luck")
+            yield record(True, 1, 1).model_copy(update={"id": f"{name}/{walk}"})
+
+    for name in ("read_semantic_map", "cameras_of_map"):
+        monkeypatch.setattr(relocated, name, lambda _: {})
+    monkeypatch.setattr(relocated, "ChangeDetector", SimpleNamespace(of_map=lambda _: None))
+    monkeypatch.setattr(relocated, "_is_unique_relocation", lambda *_: True)
+    monkeypatch.setattr(RelocatedUnit, "_walks", walks)
+    return RelocatedUnit(bench, 1)
+
+
+IDS = {f"kitchen_0/moved_00/{walk}" for walk in range(WALKS)}
+
+
+def test_a_walk_that_fails_fails_its_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    added: list[dict[str, Any]] = []
+    relocated_unit(monkeypatch, fails_at=1).run(frozenset(), added.append)
+    assert [result["error"] for result in added] == ["ValueError: no luck"]
+    added.clear()
+    relocated_unit(monkeypatch, fails_at=None).run(frozenset(), added.append)
+    assert {result["id"] for result in added} == IDS
+
+
+@pytest.mark.parametrize("count", range(WALKS + 1))
+def test_walks_left_by_a_kill_are_made_later(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    first: list[str] = []
+    unit = relocated_unit(monkeypatch, fails_at=None)
+    unit.run(frozenset(), lambda result: first.append(result["id"]))
+    kept, later = first[:count], list[str]()
+    unit.run(frozenset(kept), lambda result: later.append(result["id"]))
+    assert len(kept + later) == WALKS
+    assert {*kept, *later} == IDS
 
 
 def test_tables_without_a_record_are_empty() -> None:

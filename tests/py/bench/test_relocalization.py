@@ -2,13 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from store_maps import random_map
 
+from gslts.core.camera import camera_from_fov
 from gslts.core.se3 import rotation
 from gslts.mapping.config import MappingConfig
+from gslts.mapping.frames import split_held_out
+from gslts.store.map_folder import write_map_folder
 from gslts_bench.homes import BenchHome, HomeSetup
+from gslts_bench.relocalization import views
 from gslts_bench.relocalization.fold import units_of
 from gslts_bench.relocalization.frames import (
     MAX_OFFSET_M,
@@ -68,6 +74,31 @@ def test_other_homes_are_of_another_type_and_of_the_same() -> None:
     assert [home.name for home in other_homes(BENCH)] == ["kitchen_3", "bedroom_2"]
     last, first = (other_homes(replace(BENCH, seed=seed)) for seed in (9999, 10000))
     assert (last[1].seed, first[1].seed) == (9998, 10001), "in the same split"
+
+
+def test_other_homes_of_a_flat_are_none_of_its_rooms() -> None:
+    flat = replace(BENCH, room_type="flat")
+    assert [home.name for home in other_homes(flat)] == ["kitchen_2", "flat_2"]
+
+
+def test_held_out_frames_are_the_test_frames_of_the_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [f"{k:05}" for k in range(20)]
+    validation, test = split_held_out(names)
+    trained = [name for k, name in enumerate(names) if k not in {*validation, *test}]
+    camera = camera_from_fov(4, 4, 1.0, np.eye(4))
+    manifest = {"validation_frames": [names[k] for k in validation]}
+    write_map_folder(tmp_path / "map", random_map(5), manifest, dict.fromkeys(trained, camera))
+    frames = tuple(SimpleNamespace(name=name) for name in names)
+    monkeypatch.setattr(BenchHome, "recording", lambda _: tmp_path)
+    monkeypatch.setattr(BenchHome, "map", lambda _: tmp_path / "map")
+    monkeypatch.setattr(views, "open_dataset", lambda _: SimpleNamespace(frames=frames))
+    monkeypatch.setattr(views, "true_poses", lambda _: dict.fromkeys(names))
+    monkeypatch.setattr(views, "batches_of", lambda _bench, _count: ())
+    found = [view.frame for view in views.views_of(BENCH, 60)]
+    assert found == [f"bedroom_3/kept_{names[k]}" for k in test]
+    assert [view.frame for view in views.views_of(BENCH, 1)] == found[:1]
 
 
 def test_viewpoints_nearby_are_reachable() -> None:

@@ -65,7 +65,8 @@ def test_token() -> None:
         assert ask(server).status == 401
         assert ask(server, "/?token=0123456789abcdeX").status == 401
         assert ask(server, "/still").status == 401
-        assert ask(server, Cookie="gslts-token=0123456789abcdeX").status == 401
+        wrong = f"gslts-token-{server.get_port()}=0123456789abcdeX"
+        assert ask(server, Cookie=wrong).status == 401
         assert ask(server, Cookie="; =; gslts-token").status == 401
         with pytest.raises(Exception, match="HTTP 401"):
             page(server)
@@ -75,8 +76,14 @@ def test_token() -> None:
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie
         own = {"Cookie": cookie.split(";")[0]}
-        assert ask(server, **own).status == 200
-        page(server, additional_headers=own).close()
+        assert ask(server, **own, Host="robot:8080").status == 200
+        # Cookies count for all ports of a host: those of two viewers have different names.
+        port = server.get_port()
+        cookie = ask(server, f"/?token={TOKEN}").headers["Set-Cookie"]
+        assert cookie.split("=")[0] == f"gslts-token-{port}"
+        both = {"Cookie": f"gslts-token-1=0123456789abcdeX; {cookie.split(';')[0]}"}
+        assert ask(server, **both).status == 200
+        page(server, additional_headers=both).close()
     finally:
         server.stop()
 
