@@ -8,8 +8,15 @@ from gslts.core.frame import RgbdFrame
 from gslts.types import Floats
 
 
+class RobotLostError(Exception):
+    """The robot has no pose or no frame at present."""
+
+
 class Robot(Protocol):
-    """A wheeled robot with an RGB-D camera, as seen by the map keeper and the navigator."""
+    """A wheeled robot with an RGB-D camera, as seen by the map keeper and the navigator.
+
+    Methods of a real one may raise RobotLostError.
+    """
 
     def observe(self) -> RgbdFrame:
         """Take a frame, with the camera pose that the robot believes."""

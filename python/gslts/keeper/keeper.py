@@ -14,7 +14,7 @@ from gslts.consolidation.pipeline import consolidate_store
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.core.robot import Robot
+from gslts.core.robot import Robot, RobotLostError
 from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import plan_viewpoints
@@ -129,14 +129,13 @@ class MapKeeper:
     ) -> None:
         """Integrate confirmed changes into the map, the most confident and nearest first.
 
-        If that fails, `reports` returns the others again.
-
         Args:
             robot: In the home; collects views of them.
             reports: Of the changes.
             recorded: Frames that the robot took since the changes; they are views as well.
 
         Raises:
+            RobotLostError: `reports` returns again what was not integrated.
             StoppedError: A stop was requested.
             OSError: A file cannot be written; the map is that of its newest version.
         """
@@ -150,8 +149,9 @@ class MapKeeper:
                     self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
                 self._update(robot, group, recorded)
                 waiting = [r for r in waiting if all(r.change is not c for c in group)]
-        finally:
+        except RobotLostError:
             self._queue.put_back(waiting)
+            raise
 
     def begin_source(self, source: str) -> int:
         """Continue the rounds of a source of frames; another source starts with its first round.
@@ -349,12 +349,12 @@ class MapKeeper:
         for change, reason in result.rejected_changes:
             deferred = defer(deferred, change, reason, self.state.round)
             self._log(f"{change.kind} deferred: {reason}")
+        integrated = () if version is None else result.changes
+        self._set_state(deferred=still_deferred(deferred, integrated))
         if version is not None:
             self._log(f"version {version.number}: {version.gaussians} Gaussians")
             self._use_map(result.gaussian_map, version)
-            self._queue.drop(result.changes)
-            deferred = still_deferred(deferred, result.changes)
-        self._set_state(deferred=deferred)
+            self._queue.drop(integrated)
 
     def _reload(self) -> None:
         """Read all of the newest version, which was not made here or shows new space."""

@@ -31,12 +31,13 @@ class ReportQueue:
         return reports
 
     def put_back(self, reports: Sequence[Report]) -> None:
-        """Keep reports for the next `take`.
+        """Keep reports for the next `take`, unless later ones of the same changes wait.
 
         Args:
             reports: Taken before.
         """
-        self._waiting += reports
+        waiting = [report.change for report in self._waiting]
+        self._waiting += _of_others(reports, waiting)
 
     def drop(self, changes: Sequence[Change]) -> None:
         """Drop the reports of changes that the map shows now.

@@ -40,13 +40,13 @@ class Clock:
         self._last_s = now_s()
 
     def with_current(self, stage: str) -> dict[str, float]:
-        """Return the seconds by stage, as if the current stage ended now.
+        """Return the seconds by stage, to milliseconds, as if the current stage ended now.
 
         Args:
             stage: Name of the current stage.
         """
         passed_s = now_s() - self._last_s
-        return {**self.stages, stage: self.stages.get(stage, 0.0) + passed_s}
+        return {**self.stages, stage: round(self.stages.get(stage, 0.0) + passed_s, 3)}
 
     def times_s(self, stage: str, share: float = 1.0) -> tuple[float, float] | None:
         """Return when a stage started, and when a share of the remaining budget ends.

@@ -191,7 +191,7 @@ class Trip:
             self._walk.move(goal.position, view.yaw_rad + offset_rad, view.pitch_rad)
             frame = self._walk.frame.registered()
             near = target.distances_m(self._walk.position[None])[0] <= SUCCESS_DISTANCE_M
-            if near and self._is_visible(frame, expected):
+            if near and frame.fault is None and self._is_visible(frame, expected):
                 return True
         return False
 

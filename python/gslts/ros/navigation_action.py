@@ -54,7 +54,8 @@ class NavigationAction:
     @property
     def is_busy(self) -> bool:
         """True while the robot follows a goal of somebody else."""
-        self._is_busy &= self.is_ready  # A server that starts anew does not say that it has none.
+        if not self.is_ready:  # A server that starts anew does not say that it has no goal.
+            self._is_busy = False
         return self._is_busy
 
     def drive_to(self, goal: PoseStamped) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from gslts.change.config import DetectionConfig
 from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
+from gslts.core.robot import RobotLostError
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.describe import describe_keeper
 from gslts.keeper.errand import drive_to
@@ -34,7 +35,7 @@ from gslts.ros.problems import Problems
 from gslts.ros.query_lane import QueryLane
 from gslts.ros.recorder import Recorder
 from gslts.ros.requests import Request, Requests
-from gslts.ros.robot import RobotLostError, RosRobot
+from gslts.ros.robot import RosRobot
 from gslts.ros.shown_change import detected_changes, published_changes
 from gslts.ros.statuses import Status
 from gslts.ros.waiting import WaitingChanges
@@ -270,14 +271,15 @@ class Operation:
                 keeper.end_round()
                 round_end_s = time.monotonic() + ROUND_S
             try:
-                if not self._integrate(keeper, memory, waiting):
-                    self._activity = "watching"
-                    request = self.requests.take(WAIT_S)
-                    if request is not None:
-                        self._follow(request, keeper, memory)
-                    self._follow_goal(keeper)
+                if self._integrate(keeper, memory, waiting):
+                    continue
             except RobotLostError as error:
                 self._problems.report("robot", str(error))
+            self._activity = "watching"
+            request = self.requests.take(WAIT_S)
+            if request is not None:
+                self._follow(request, keeper, memory)
+            self._follow_goal(keeper)
 
     def _integrate(self, keeper: MapKeeper, memory: FrameMemory, waiting: WaitingChanges) -> bool:
         """Integrate changes that can be; return whether there were any."""
@@ -298,6 +300,7 @@ class Operation:
         try:
             keeper.integrate(self.robot, reports, frames)
         finally:
+            waiting.add(keeper.reports())  # Also those that a lost robot left.
             self._show_changes(waiting)
         return True
 

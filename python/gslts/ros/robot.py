@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
+from gslts.core.robot import RobotLostError
 from gslts.core.se3 import pose_distance
 from gslts.datasets.dataset import rigid
 from gslts.ros.constants import (
@@ -32,10 +33,6 @@ POLL_S = 0.05
 """Time between two tests if the robot has arrived, s."""
 TILT_S = 0.5
 """Time for the camera to tilt once the robot stands, s."""
-
-
-class RobotLostError(Exception):
-    """The robot has no pose or no frame at present."""
 
 
 class RosRobot:

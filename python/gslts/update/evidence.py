@@ -55,7 +55,7 @@ def is_visible(frame: RgbdFrame, region: Region) -> bool:
     """Return whether a frame shows the centre of a region.
 
     Args:
-        frame: Its depth is registered first.
+        frame: RGB-D frame.
         region: Region of a change.
 
     Returns:
@@ -67,7 +67,8 @@ def is_visible(frame: RgbdFrame, region: Region) -> bool:
     u, v, z = center
     if frame.mask is not None and not frame.mask[int(v), int(u)]:
         return False
-    depth = frame.registered().depth[int(v), int(u)]
+    registered = frame if frame.depth_camera is None else frame.registered()
+    depth = registered.depth[int(v), int(u)]
     margin_m = OCCLUSION_M + 0.5 * float(np.linalg.norm(region.high - region.low))
     return not bool(0 < depth < z - margin_m)
 

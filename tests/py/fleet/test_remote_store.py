@@ -1,7 +1,6 @@
 """Version objects and blobs in a folder."""
 
 import hashlib
-import time
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -123,9 +122,13 @@ def test_a_file_of_two_versions_is_written_once(
     (tmp_path / "sent").write_bytes(b"content")
     blob, path = blob_of(b"content"), tmp_path / "received"
     remote.upload([(blob, tmp_path / "sent")])
-    monkeypatch.setattr("os.fsync", lambda _: time.sleep(0.05))  # Time for another thread.
+    written: list[int] = []
+    monkeypatch.setattr("os.fsync", written.append)
+    remote.download([(blob, tmp_path / "other")])
+    syncs = len(written)
     remote.download([(blob, path), (blob, path)])
     assert path.read_bytes() == b"content"
+    assert len(written) == 2 * syncs
 
 
 @pytest.mark.parametrize(

@@ -53,3 +53,16 @@ def test_reports_of_what_the_map_shows_now_are_dropped() -> None:
     queue.put_back(queue.take()[1:])
     queue.drop([first.change])
     assert queue.take() == [other]
+
+
+def test_of_a_change_that_waits_already_nothing_is_put_back() -> None:
+    first, other, again = (
+        report(1, "removal", 0),
+        report(2, "removal", 2),
+        report(3, "removal", 2.1),
+    )
+    queue = queue_of([first, other], [again])
+    taken = queue.take()
+    queue.drop([first.change])
+    queue.put_back(taken[1:])
+    assert queue.take() == [again]

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from gslts.core.robot import RobotLostError
 from gslts.core.se3 import pose_distance
 from gslts.ros import robot as robot_module
 from gslts.ros.frame_memory import FrameMemory
 from gslts.ros.live_poses import mount_matrix
-from gslts.ros.robot import RobotLostError, RosRobot, yaw_pose
+from gslts.ros.robot import RosRobot, yaw_pose
 
 MOUNT = mount_matrix((0.2, 0.05, 0.9, -np.pi / 2, 0.0, -np.pi / 2 + 0.3))
 """Ahead of the middle of the base, and turned to the left."""

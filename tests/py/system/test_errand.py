@@ -1,5 +1,6 @@
 """Object navigation while the map is kept up to date."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import change_room
@@ -69,6 +70,18 @@ def test_a_robot_that_is_too_large_does_not_drive(folder: Path) -> None:
         robot = robot_in(change_room.home())
         assert drive_to(keeper, robot, "box", box).status == "reached"
         result = drive_to(keeper, robot, "box", box, RobotBody(radius_m=1.5))
+    assert result.status != "reached"
+
+
+def test_nothing_is_reached_on_lost_frames(folder: Path) -> None:
+    class Lost(Controller):
+        def observe(self) -> RgbdFrame:
+            return replace(super().observe(), fault="lost: 3 matches")
+
+    robot = Lost(change_room.home(), **change_room.SIZE)
+    robot.go(FAR)
+    with MapKeeper(folder, LOOP) as keeper:
+        result = drive_to(keeper, robot, "box", ((2.0, 1.6, 0.75), (2.4, 2.0, 1.05)))
     assert result.status != "reached"
 
 

@@ -15,7 +15,7 @@ from gslts.change.changes import Change
 from gslts.change.confirmation import Report
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
-from gslts.core.robot import Robot
+from gslts.core.robot import Robot, RobotLostError
 from gslts.keeper import coverage as rounds
 from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.keeper import MapKeeper, StoppedError
@@ -170,16 +170,16 @@ def test_what_lasts_is_reported_again_after_a_round(folder: Path) -> None:
         assert [report.change.kind for report in watched(keeper)] == ["removal"]
 
 
-def test_what_a_failure_kept_from_being_integrated_is_reported_again(folder: Path) -> None:
+def test_what_a_lost_robot_left_is_reported_again(folder: Path) -> None:
     class Lost(Controller):
         def move_towards(self, *_: object) -> bool:
-            raise LookupError
+            raise RobotLostError
 
     robot = Lost(update_room.changed_home("removal"), **change_room.SIZE)
     robot.go(change_room.VIEWPOINTS[0])
     with keeper_of(folder) as keeper:
         reports = watched(keeper)
-        with pytest.raises(LookupError):
+        with pytest.raises(RobotLostError):
             keeper.integrate(robot, reports)
         (again,) = keeper.reports()
         assert again.change is reports[0].change

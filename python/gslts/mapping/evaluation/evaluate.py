@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -59,18 +60,20 @@ def evaluate(
 
     Args:
         gaussian_map: float32.
-        observations: At least one frame.
+        observations: At least one frame that shows something in its mask; others are left out.
         threads: Number of threads; 0 means all.
         level: Resolution; 0 is the full one.
 
     Raises:
-        ValueError: There is no frame.
+        ValueError: There is no such frame.
     """
-    if not observations:
+    masks = [observation.mask(level) for observation in observations]
+    shown = [mask is None or bool(mask.any()) for mask in masks]
+    if not any(shown):
         raise ValueError("evaluate: there is no frame")
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     psnrs_db, ssims, depth_errors_m = [], [], []
-    for observation in observations:
+    for observation in compress(observations, shown):
         images = rasterizer.forward(gaussian_map, observation.camera(level), options)
         photo, mask = observation.color(level), observation.mask(level)
         exposure = fit_exposure(images.rgb, photo, mask=mask, threads=threads)
