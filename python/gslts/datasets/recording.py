@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from pydantic import BaseModel, ConfigDict
 
 from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
@@ -32,16 +31,10 @@ FORMAT = {"camera_model": "OPENCV", "depth_unit_scale_factor": 0.001}
 """Camera model and unit of depth, m, of all recordings."""
 NO_LENS = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2"), 0)
 """Distortion of a list that can be continued: recorded images have none."""
+TYPE = "objectType"
+"""Key of the type of an object in the list of objects."""
 PNG_LEVEL = 1
 """Level of zlib: images are a fifth larger than at the best level and saved ten times as fast."""
-
-
-class _Object(BaseModel):
-    """Row of the list of objects; a simulator adds more facts."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-
-    objectType: str  # noqa: N815
 
 
 class RecordingWriter:
@@ -65,7 +58,7 @@ class RecordingWriter:
         self._folder = folder
         self._header: dict[str, Any] = {}
         self._frames: list[dict[str, Any]] = []
-        self._objects: tuple[_Object, ...] | None = None
+        self._objects: list[dict[str, Any]] | None = None
         list_path = folder / "transforms.json"
         if list_path.exists():
             self._header, self._frames = _read_list(list_path)
@@ -143,17 +136,16 @@ class RecordingWriter:
         """
         path = self._folder / OBJECTS
         if self._objects is None:
-            self._objects = tuple(read_json(path, list[_Object])) if path.exists() else ()
-        names = _numbered(each.objectType for each in self._objects)
+            self._objects = _read_objects(path) if path.exists() else []
+        names = _numbered(each[TYPE] for each in self._objects)
         rows = {name: row for row, name in enumerate(names)}
         row_of = [rows.setdefault(name, len(rows)) for name in _numbered(labels.types)]
         if len(rows) > MAX_OBJECTS:
             raise ValueError(f"{path}: {len(rows)} objects, at most {MAX_OBJECTS} fit into 16 bits")
         if len(rows) > len(self._objects):
-            new = [_Object(objectType=name) for name, _ in list(rows)[len(self._objects) :]]
-            objects = (*self._objects, *new)
-            write_json(path, [each.model_dump() for each in objects])
-            self._objects = objects
+            new = [{TYPE: name} for name, _ in list(rows)[len(self._objects) :]]
+            write_json(path, [*self._objects, *new])
+            self._objects += new
         return np.array([0, *(row + 1 for row in row_of)], np.uint16)[labels.instances + 1]
 
     def _remove(self, entry: Mapping[str, Any]) -> None:
@@ -187,6 +179,15 @@ def _read_list(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         if header.get(key, expected) != expected:
             raise ValueError(f"{path}: it is no recording of gslts: {key} is {header[key]}")
     return header, frames
+
+
+def _read_objects(path: Path) -> list[dict[str, Any]]:
+    """Return the list of objects; a simulator adds more facts than their types."""
+    objects = read_json(path, list[dict[str, Any]])
+    for number, each in enumerate(objects):
+        if not isinstance(each.get(TYPE), str):
+            raise ValueError(f"{path}: object {number} has no {TYPE}")
+    return objects
 
 
 def _numbered(names: Iterable[str]) -> Iterator[tuple[str, int]]:
