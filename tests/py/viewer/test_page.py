@@ -15,7 +15,7 @@ from gslts.viewer.page import Page
 
 REST_S = 0.1
 """Time without a move in the tests, s."""
-DEADLINE_S = 10.0
+DEADLINE_S = 60.0
 """More than anything here takes."""
 
 
@@ -113,7 +113,7 @@ def test_play_goes_on_beside_frames_of_a_robot() -> None:
     opened = NotedPage(make_map(4))
     with robot_frames(opened) as shown:
         opened.post("play", opened._play)
-        wait_until(lambda: len(opened.versions) == 2)
+        wait_until(lambda: len(opened.versions) >= 2)
         shown.clear()
         assert shown.wait(DEADLINE_S)
         wait_until(lambda: len(opened.versions) == 4)
@@ -121,12 +121,16 @@ def test_play_goes_on_beside_frames_of_a_robot() -> None:
 
 
 def test_play_ends_when_something_else_is_asked_for() -> None:
-    opened = NotedPage(make_map(9))
+    opened = NotedPage(make_map(99))
     opened.post("play", opened._play)
-    wait_until(lambda: len(opened.versions) == 2)
-    opened.post("click", lambda: None)
+    wait_until(lambda: len(opened.versions) >= 2)
+    clicked = Event()
+    opened.post("click", clicked.set)
+    assert clicked.wait(DEADLINE_S)
+    shown = list(opened.versions)
     time.sleep(8 * REST_S)
-    assert opened.versions in ([1, 2], [1, 2, 3])
+    assert opened.versions == shown
+    assert len(shown) < 99
     opened.close()
 
 
