@@ -17,15 +17,13 @@ import numpy as np
 
 from gslts.datasets.nerfstudio import OBJECTS
 from gslts.datasets.poses import OPENGL_FROM_OPENCV
-from gslts.datasets.recording import RecordingWriter, write_json
+from gslts.datasets.recording import MAX_OBJECTS, RecordingWriter, write_json
 from gslts.io.atomic_files import empty_folder
 from gslts.types import Floats
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
 from gslts_sim.robot_body import Viewpoint
 
-MAX_OBJECTS = (1 << 16) - 1
-"""Maximum number of objects that fits into 16 bits, beside 0 for the background."""
 
 
 def capture(robot: Controller, viewpoints: Iterable[Viewpoint], folder: Path) -> int:
