@@ -25,7 +25,6 @@ from gslts_sim.event import Event
 from gslts_sim.robot_body import Viewpoint
 
 
-
 def capture(robot: Controller, viewpoints: Iterable[Viewpoint], folder: Path) -> int:
     """Record a frame at each viewpoint as a data set.
 
