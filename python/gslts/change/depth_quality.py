@@ -38,7 +38,7 @@ def depth_quality(depth: Floats32) -> DepthQuality:
     """Classify the depth of a frame.
 
     Args:
-        depth: [K] as measured in the pixels of its mask, m; 0 and NaN where nothing was.
+        depth: [K] as measured in the pixels of its mask, or [H,W], m; 0 and NaN where nothing was.
 
     Returns:
         "fine"; "coarse" with larger steps; "none" if hardly anything was measured.

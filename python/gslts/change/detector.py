@@ -197,9 +197,9 @@ class ChangeDetector:
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
-        mask = _mask_of(small)
-        depth = depth_quality(pyramid[0].depth[_mask_of(pyramid[0])])
-        fault = frame.fault or frame_fault(observed_rgb[mask])
+        mask = np.ones(observed_depth.shape, np.bool_) if small.mask is None else small.mask
+        depth = depth_quality(_within(pyramid[0].depth, pyramid[0].mask))
+        fault = frame.fault or frame_fault(_within(observed_rgb, small.mask))
         if depth == "none" and self.config.strategy == "gs_lts":
             fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
         if fault is None and self.config.align_pose:
@@ -362,9 +362,9 @@ class ChangeDetector:
         )
 
 
-def _mask_of(frame: RgbdFrame) -> Bools:
-    """Return [H,W] the pixels in which the camera of a registered frame saw something."""
-    return np.ones(frame.depth.shape, np.bool_) if frame.mask is None else frame.mask
+def _within(image: Floats32, mask: Bools | None) -> Floats32:
+    """Return the pixels of an image within a mask; without one the image, as copies cost time."""
+    return image if mask is None else image[mask]
 
 
 def _mean_drawn(images: Images, channel: int) -> Floats32:

@@ -35,7 +35,7 @@ def frame_fault(observed_rgb: Floats32) -> str | None:
     """Check a frame on its own.
 
     Args:
-        observed_rgb: [K,3] sRGB of the pixels of its mask, 0 to 1.
+        observed_rgb: [K,3] sRGB of the pixels of its mask, 0 to 1; [H,W,3] without a mask.
 
     Returns:
         The reason why the frame is unusable; None if it is usable.
