@@ -124,6 +124,7 @@ def _in_one_line(error: Exception) -> str:
 
 def main() -> None:
     """Run a command; an error is one line on stderr and a non-zero exit status."""
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # Damage of images is in the error.
     try:
         import gslts._cpu  # noqa: F401  # An ImportError says what this processor lacks.
 

@@ -72,7 +72,7 @@ def detect(
     from gslts.change.overlay import overlay
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
 
     config = DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads)
     opened = open_dataset(dataset, posed=not localize)

@@ -92,7 +92,7 @@ def diff(
 
     Example: gslts diff out/map 1 3 --out out/diff.png
     """
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
     from gslts.store.camera_files import cameras_of_map
     from gslts.store.delta import compare_by_ids
     from gslts.store.describe import describe_event

@@ -198,7 +198,8 @@ def _frame_of_image(
     from math import radians
 
     from gslts.core.camera import camera_from_fov
-    from gslts.datasets.image_frame import ImageFrame, image_size
+    from gslts.datasets.image_frame import ImageFrame
+    from gslts.io.image_files import image_size
     from gslts.store.camera_files import read_intrinsics
 
     if camera is not None and fov_deg is not None:
@@ -230,7 +231,7 @@ def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
 def _write_side_by_side(
     out: Path, gaussian_map: GaussianMap, frame: RgbdFrame, pose: Floats, threads: int
 ) -> None:
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
     from gslts.localization.side_by_side import side_by_side
 
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -47,7 +47,7 @@ def semantic_map(
     Example: gslts semantic-map out/map --category Mug --category Sofa --out out/plan
     """
     from gslts.core.robot_body import RobotBody
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
     from gslts.navigation.semantic_map import make_semantic_map
     from gslts.navigation.semantic_map_files import draw_semantic_map, write_map_server
     from gslts.navigation.upright import require_upright
@@ -103,7 +103,7 @@ def go(
     """
     from tqdm import tqdm
 
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
     from gslts.navigation.navigator import Navigator
     from gslts.navigation.semantic_map_files import draw_semantic_map
     from gslts.navigation.walk import MAX_MOVES

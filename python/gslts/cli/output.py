@@ -277,7 +277,7 @@ def _write_videos(
 def _write_pngs(images: Iterable[tuple[RgbImage, RgbImage | None]], out: Path) -> None:
     """Write 00000.png, 00000_depth.png, ...: untrusted camera names never become file names."""
     from gslts.io.atomic_files import empty_folder
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
 
     empty_folder(out)
     for number, (image, depth) in enumerate(images):

@@ -57,7 +57,7 @@ def _draw(
     path: Path,
     threads: int,
 ) -> None:
-    from gslts.io.images import write_image
+    from gslts.io.image_files import write_image
     from gslts.semantics.query_image import draw_query
     from gslts.store.camera_files import cameras_of_map
 

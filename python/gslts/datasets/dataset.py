@@ -21,8 +21,6 @@ RIGID_TOLERANCE = 0.02
 """Maximum error of the singular values of a rotation; those of 7-Scenes err by up to 0.005."""
 POLAR_STEPS = 5
 """Newton steps from such a matrix to the nearest rotation; each doubles the correct digits."""
-MAX_PIXELS = 1 << 26
-"""Maximum pixels of an image, checked before memory is taken; no camera of a robot has more."""
 MAX_SIDE_PX = 1 << 16
 """Maximum width and height of an image; bounds both before they are multiplied."""
 FOCAL_RANGE = (0.05, 50.0)

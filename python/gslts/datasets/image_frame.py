@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
-from gslts.datasets.dataset import MAX_PIXELS, reason_of
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
-from gslts.io.bounded_files import Readable
-
-FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP", "PPM")
-"""Formats of image files. Pillow reads more, with old decoders, and runs a program for EPS."""
+from gslts.io.image_files import read_integers, read_rgb
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +21,7 @@ class ImageFrame:
     """A frame stored as image files.
 
     Args:
-        rgb: Colour image, in one of `FORMATS`.
+        rgb: Colour image, in a format of `SIGNATURES`.
         camera: Intrinsics and pose of the colour image.
         depth: 16-bit image of z in the camera frame; None without depth.
         depth_unit_m: Metres of one step of the depth image.
@@ -69,7 +62,7 @@ class ImageFrame:
         """Read the images; see `Frame.read`."""
         size = (self.camera.height, self.camera.width)
         labels = None if self.instances is None or self.lens is not None else self._labels(size)
-        rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
+        rgb = read_rgb(self.rgb, size)
         mask = None
         if self.lens is not None:
             rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
@@ -81,18 +74,18 @@ class ImageFrame:
             return RgbdFrame(rgb, depth, self.camera, self.time_s, None, mask, labels)
         beside = self.camera if self.depth_camera is None else self.depth_camera
         depth_size = (beside.height, beside.width)
-        steps = read_image(self.depth, "I", depth_size)
+        steps = read_integers(self.depth, depth_size)
         depth = (steps * self.depth_unit_m).astype(np.float32)
         depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
         if self.confidence is not None:
-            depth[read_image(self.confidence, "L", depth_size) == 0] = 0
+            depth[read_integers(self.confidence, depth_size) == 0] = 0
         if self.lens is not None and self.depth_camera is None:
             depth = undistort_depth(depth, self.camera, self.lens)
         return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask, labels)
 
     def _labels(self, size: tuple[int, int]) -> Labels:
         assert self.instances is not None
-        rows = read_image(self.instances, "I", size).astype(np.int32) - 1
+        rows = read_integers(self.instances, size).astype(np.int32) - 1
         try:
             return Labels(rows, self.types)
         except ValueError as error:
@@ -124,82 +117,3 @@ def with_unique_names(frames: Iterable[ImageFrame], folder: Path) -> tuple[Image
 def _path_in(folder: Path, file: Path, with_ending: bool) -> str:
     path = os.path.relpath(file if with_ending else file.with_suffix(""), folder)
     return Path(path).as_posix()
-
-
-def image_size(path: Readable) -> tuple[int, int]:
-    """Read width and height of an image file, px.
-
-    Args:
-        path: Image file.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is not an image.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with path.open("rb") as file, Image.open(file, formats=FORMATS) as image:
-            return image.size
-    except UnidentifiedImageError:
-        known = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
-        raise ValueError(f"{path}: not an image in {known}") from None
-    except OSError:
-        raise
-    except Exception as error:  # Pillow raises errors of any kind for damage.
-        raise ValueError(f"{path}: {reason_of(error)}") from None
-
-
-def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
-    """Read the pixels of an image file.
-
-    Args:
-        path: Image file.
-        mode: Mode of Pillow to convert to, such as "RGB" or "I".
-        size: Expected height and width, px.
-
-    Returns:
-        [H,W] or [H,W,C] pixels.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: The file is damaged, too large or of another size.
-    """
-    width, height = image_size(path)
-    if (height, width) != size:
-        raise ValueError(f"{path}: {width} x {height} px, expected {size[1]} x {size[0]} px")
-    if width * height > MAX_PIXELS:
-        raise ValueError(f"{path}: {width} x {height} px, at most {MAX_PIXELS} pixels are read")
-    from PIL import Image
-
-    try:
-        with Image.open(path, formats=FORMATS) as image:
-            return np.asarray(image.convert(mode))
-    except Exception as error:  # As above.
-        raise ValueError(f"{path}: {reason_of(error)}") from None
-
-
-def decode_image(data: Any, mode: str) -> NDArray[Any]:
-    """Decode a JPEG or PNG file in memory.
-
-    Args:
-        data: Bytes of the file.
-        mode: Mode of Pillow to convert to, such as "RGB" or "I".
-
-    Returns:
-        [H,W] or [H,W,C] pixels.
-
-    Raises:
-        ValueError: The file is damaged, too large or of another format.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(io.BytesIO(bytes(data)), formats=("JPEG", "PNG")) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise ValueError(f"{image.width} x {image.height} px are more than {MAX_PIXELS}")
-            return np.asarray(image.convert(mode))
-    except UnidentifiedImageError:
-        raise ValueError("the image is neither JPEG nor PNG") from None
-    except Exception as error:  # As above.
-        raise ValueError(f"the image cannot be read: {reason_of(error)}") from None

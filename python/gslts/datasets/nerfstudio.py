@@ -23,9 +23,10 @@ from gslts.datasets.dataset import (
     rigid,
 )
 from gslts.datasets.files import MissingImageError, image_file, read_json
-from gslts.datasets.image_frame import ImageFrame, image_size, with_unique_names
+from gslts.datasets.image_frame import ImageFrame, with_unique_names
 from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.datasets.undistort import Lens, lens_or_none
+from gslts.io.image_files import image_size
 from gslts.io.messages import first_problem
 
 OBJECTS = "objects.json"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.datasets.dataset import reason_of
-from gslts.datasets.image_frame import decode_image
+from gslts.io.image_files import decode_rgb
 from gslts.types import Floats32
 
 
@@ -37,7 +37,7 @@ class PackedFrame:
     def read(self) -> RgbdFrame:
         """Read the images; see `gslts.datasets.dataset.Frame.read`."""
         try:
-            rgb = decode_image(self.read_rgb(), "RGB")
+            rgb = decode_rgb(self.read_rgb())
             depth = self.read_depth()
             return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera)
         except ValueError as error:

@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 from gslts.datasets.arkit import pose_from_arkit
 from gslts.datasets.dataset import MAX_SIDE_PX, Dataset, gather, name_of, pinhole, resize_camera
 from gslts.datasets.files import image_file, read_json
-from gslts.datasets.image_frame import ImageFrame, image_size
+from gslts.datasets.image_frame import ImageFrame
+from gslts.io.image_files import image_size
 
 KEYFRAMES = "keyframes"
 """Folder of all images and cameras."""

@@ -26,10 +26,10 @@ from gslts.core.camera import Camera
 from gslts.datasets.arkit import pose_from_arkit
 from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, reason_of, resize_camera
 from gslts.datasets.files import MissingImageError, read_json
-from gslts.datasets.image_frame import image_size
 from gslts.datasets.packed import PackedFrame
 from gslts.datasets.poses import pose_from_quat
 from gslts.io.bounded_files import read_bounded
+from gslts.io.image_files import image_size
 from gslts.types import Floats32
 
 MAX_IMAGE_BYTES = 1 << 26

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
@@ -18,6 +17,7 @@ from gslts.datasets.files import read_json
 from gslts.datasets.nerfstudio import OBJECTS
 from gslts.datasets.poses import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
+from gslts.io.image_files import encode_png
 
 SAVE_INTERVAL = 10
 """Number of frames after which the list of frames is saved again; it is also after the first."""
@@ -33,8 +33,6 @@ NO_LENS = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2"), 0)
 """Distortion of a list that can be continued: recorded images have none."""
 TYPE = "objectType"
 """Key of the type of an object in the list of objects."""
-PNG_LEVEL = 1
-"""Level of zlib: images are a fifth larger than at the best level and saved ten times as fast."""
 
 
 class RecordingWriter:
@@ -99,7 +97,7 @@ class RecordingWriter:
         try:
             for key, image in images.items():
                 entry[key] = f"{FOLDERS[key]}/{len(self._frames):05}.png"
-                Image.fromarray(image).save(self._folder / entry[key], compress_level=PNG_LEVEL)
+                (self._folder / entry[key]).write_bytes(encode_png(image))
         except BaseException:
             self._remove(entry)
             raise

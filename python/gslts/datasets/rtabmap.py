@@ -28,9 +28,10 @@ from gslts.datasets.dataset import (
     rigid,
 )
 from gslts.datasets.files import MissingImageError, image_file, read_rows
-from gslts.datasets.image_frame import ImageFrame, image_size
+from gslts.datasets.image_frame import ImageFrame
 from gslts.datasets.poses import pose_from_numbers
 from gslts.io.bounded_files import read_bounded
+from gslts.io.image_files import image_size
 from gslts.types import Floats
 
 SIDES = ("width", "height")

@@ -17,9 +17,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from gslts.datasets.dataset import MAX_PIXELS, Dataset, gather, rigid
+from gslts.datasets.dataset import Dataset, gather, rigid
 from gslts.datasets.packed import PackedFrame
 from gslts.datasets.scannet import scannet_camera
+from gslts.io.image_files import MAX_PIXELS
 from gslts.types import Floats, Floats32
 
 VERSION = 4

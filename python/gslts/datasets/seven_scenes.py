@@ -15,7 +15,8 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.datasets.dataset import Dataset, gather, name_of, pinhole, read_numbers, rigid
 from gslts.datasets.files import MissingImageError
-from gslts.datasets.image_frame import ImageFrame, image_size
+from gslts.datasets.image_frame import ImageFrame
+from gslts.io.image_files import image_size
 from gslts.types import Floats
 
 NO_DEPTH = 65535

@@ -11,8 +11,9 @@ import numpy as np
 
 from gslts.datasets.dataset import Dataset, gather, name_of, pinhole
 from gslts.datasets.files import image_file, read_rows
-from gslts.datasets.image_frame import ImageFrame, image_size, with_unique_names
+from gslts.datasets.image_frame import ImageFrame, with_unique_names
 from gslts.datasets.poses import pose_from_numbers
+from gslts.io.image_files import image_size
 from gslts.types import Floats
 
 DEPTH_UNIT_M = 1 / 5000

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import base64
-import io
-from typing import Any
 
+from gslts.io.image_files import encode_jpeg, encode_png
 from gslts.io.images import RgbImage
 
 JPEG_QUALITY = 85
@@ -18,7 +17,7 @@ def jpeg_of(image: RgbImage) -> str:
     Args:
         image: [H,W,3].
     """
-    return _encode(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return data_url("image/jpeg", encode_jpeg(image, JPEG_QUALITY))
 
 
 def png_of(image: RgbImage) -> str:
@@ -27,7 +26,7 @@ def png_of(image: RgbImage) -> str:
     Args:
         image: [H,W,3].
     """
-    return _encode(image, "PNG", optimize=True)
+    return data_url("image/png", encode_png(image))
 
 
 def data_url(kind: str, content: bytes) -> str:
@@ -38,11 +37,3 @@ def data_url(kind: str, content: bytes) -> str:
         content: Of the file.
     """
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def _encode(image: RgbImage, kind: str, **options: Any) -> str:
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, format=kind, **options)
-    return data_url(f"image/{kind.lower()}", buffer.getvalue())

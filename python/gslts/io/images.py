@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from io import BytesIO
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from gslts._core.map import Camera
-from gslts.io.atomic_files import write_atomic
 
 RgbImage = NDArray[np.uint8]
 """[H,W,3] uint8, sRGB."""
@@ -21,25 +16,6 @@ DEPTH_COLORS, ERROR_COLORS, HEAT_COLORS = "turbo_r", "inferno", "turbo"
 """Colour maps of OpenCV, `_r` reversed: near is red, far blue; no error is black; hot is red."""
 MIN_BOX_DEPTH_M = 0.05
 """Distance to the camera below which boxes are not drawn, m; their projection would diverge."""
-
-
-def write_image(path: Path, image: RgbImage) -> None:
-    """Write an image atomically, in the format that the suffix of its name says.
-
-    Args:
-        path: File to write, such as view.png; its folder exists.
-        image: [H,W,3] uint8, sRGB.
-
-    Raises:
-        OSError: The file cannot be written.
-        ValueError: The suffix is that of no image format that can be written.
-    """
-    kind = Image.registered_extensions().get(path.suffix.lower())
-    if kind not in Image.SAVE:
-        raise ValueError(f"{path}: expected the name of an image, such as {path.stem}.png")
-    content = BytesIO()
-    Image.fromarray(image).save(content, kind)
-    write_atomic(path, content.getvalue())
 
 
 def to_rgb8(rgb: NDArray[np.floating]) -> RgbImage:

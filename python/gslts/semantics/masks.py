@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from PIL import Image
 
 from gslts.types import Bools, Bytes, Floats32, Indices, Ints32
 
@@ -99,6 +98,8 @@ def crop_to_mask(rgb: Bytes, mask: Bools, side_px: int) -> Bytes:
     Returns:
         [side_px,side_px,3] uint8; the crop is centred and keeps its aspect ratio.
     """
+    from PIL import Image  # Its filter is that of the training images.
+
     found = box_of_mask(mask)
     assert found is not None
     x0, y0, x1, y1 = found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from PIL import Image
 
 from gslts.types import Bytes, Floats32
 
@@ -46,6 +45,8 @@ def resize_longest_side(rgb: Bytes, side_px: int) -> Bytes:
     Returns:
         [h,w,3] uint8.
     """
+    from PIL import Image  # Its filter is that of the training images.
+
     height, width = rgb.shape[:2]
     scale = side_px / max(height, width)
     size = max(1, int(width * scale + 0.5)), max(1, int(height * scale + 0.5))

@@ -11,9 +11,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from gslts.core.camera import Camera, TrainingCamera, at_pose, new_viewpoints
-from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
+from gslts.datasets.dataset import MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
 from gslts.io.bounded_files import read_bounded
+from gslts.io.image_files import MAX_PIXELS
 from gslts.io.messages import first_problem
 from gslts.store.causes import UpdateFrame, ViewsCause
 from gslts.store.history import History

@@ -12,10 +12,9 @@ import numpy as np
 
 from gslts.datasets import FORMATS, Dataset
 from gslts.datasets.colmap import open_colmap
-from gslts.datasets.dataset import MAX_PIXELS
-from gslts.datasets.image_frame import image_size
 from gslts.datasets.poses import inverse
 from gslts.io.atomic_files import remove_tree, temporary_path
+from gslts.io.image_files import MAX_PIXELS, image_size
 from gslts.trajectory.upright import upright_world
 from gslts.types import Floats
 

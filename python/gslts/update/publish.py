@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from io import BytesIO
 
 import numpy as np
-from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
+from gslts.io.image_files import encode_jpeg, shrink_image
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
@@ -114,14 +113,12 @@ def _write_image(
     store: MapStore, version: Version, before: GaussianMap, result: UpdateResult, threads: int
 ) -> None:
     """Write the image of an update: frames, and the map before and after."""
-    image = Image.fromarray(draw_update(before, result.part, result.views, threads))
-    image.thumbnail((MAX_IMAGE_PX, MAX_IMAGE_PX))
-    content = BytesIO()
-    image.save(content, "JPEG", quality=JPEG_QUALITY)
+    image = draw_update(before, result.part, result.views, threads)
+    content = encode_jpeg(shrink_image(image, (MAX_IMAGE_PX, MAX_IMAGE_PX)), JPEG_QUALITY)
     path = update_image_path(store.folder, version.number)
     try:
         path.parent.mkdir(exist_ok=True)
-        write_atomic(path, content.getvalue())
+        write_atomic(path, content)
     except OSError as error:
         state = f"{store.folder} is version {version.number} now, but without an image"
         raise OSError(f"{state}: {error}") from error

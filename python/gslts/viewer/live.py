@@ -6,15 +6,14 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from typing import IO, Annotated, Any, Self
 
 import numpy as np
-from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gslts.core.camera import Camera, downscale
 from gslts.core.frame import RgbdFrame, halve_rgb
+from gslts.io.image_files import decode_rgb, encode_jpeg
 from gslts.io.images import RgbImage
 
 MAX_WIDTH_PX = 400
@@ -121,10 +120,7 @@ def read_live_frames(stream: IO[bytes]) -> Iterator[LiveFrame]:
     """
     while line := stream.readline(MAX_HEADER_BYTES):
         header = _Header.model_validate_json(line)
-        with Image.open(BytesIO(stream.read(header.jpeg_bytes)), formats=["JPEG"]) as image:
-            if image.size != (header.width, header.height):
-                raise ValueError("live frame: the image has another size than its camera")
-            rgb = np.asarray(image.convert("RGB"))
+        rgb = decode_rgb(stream.read(header.jpeg_bytes), (header.height, header.width))
         yield LiveFrame(rgb, header.camera(), header.lines)
 
 
@@ -158,8 +154,7 @@ def _encode(frame: RgbdFrame, lines: Sequence[str]) -> bytes:
         lines = [f"no pose: {frame.fault}", *lines]
     while rgb.shape[1] > MAX_WIDTH_PX:
         rgb, camera = halve_rgb(rgb), downscale(camera, 2)
-    jpeg = BytesIO()
-    Image.fromarray(rgb).save(jpeg, "JPEG", quality=JPEG_QUALITY)
+    jpeg = encode_jpeg(rgb, JPEG_QUALITY)
     header = _Header(
         fx=camera.fx,
         fy=camera.fy,
@@ -169,6 +164,6 @@ def _encode(frame: RgbdFrame, lines: Sequence[str]) -> bytes:
         height=camera.height,
         world_from_camera=None if is_lost else camera.world_from_camera.ravel().tolist(),
         lines=tuple(line[:MAX_LINE] for line in lines[:MAX_LINES]),
-        jpeg_bytes=len(jpeg.getvalue()),
+        jpeg_bytes=len(jpeg),
     )
-    return header.model_dump_json().encode() + b"\n" + jpeg.getvalue()
+    return header.model_dump_json().encode() + b"\n" + jpeg

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
+from gslts.io.image_files import image_size, read_rgb, shrink_image
 from gslts.io.images import RgbImage
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
@@ -222,16 +222,16 @@ class ViewedMap:
             size.
 
         Raises:
-            OSError: The file is no image.
+            OSError: The file cannot be read.
+            ValueError: The file is no image.
         """
         path = update_image_path(self._folder, number)
         if not path.is_file() or path.stat().st_size > MAX_IMAGE_BYTES:
             return None
-        with Image.open(path, formats=["JPEG"]) as image:
-            if max(image.size) > MAX_SIDE_PX:
-                return None
-            image.thumbnail((MAX_IMAGE_PX, MAX_SIDE_PX))
-            return np.asarray(image.convert("RGB"))
+        width, height = image_size(path)
+        if max(width, height) > MAX_SIDE_PX:
+            return None
+        return shrink_image(read_rgb(path, (height, width)), (MAX_IMAGE_PX, MAX_SIDE_PX))
 
     def tracks(self, number: int) -> list[Track]:
         """Return the history of each object that changed up to a version.

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from gslts.change.overlay import overlay
 from gslts.fleet.jobs import Add, Jobs, run_units
 from gslts.io.atomic_files import empty_folder
+from gslts.io.image_files import write_image
 from gslts_bench.detection.cases import take_frame
 from gslts_bench.detection.run import Detectors, DetectUnit, Record
 from gslts_bench.detection.score import NONE, UNRELIABLE, is_right
@@ -66,7 +65,7 @@ class OverlayUnit:
             frame = take_frame(cases[record.case], before, self.unit.bench)
             detection = detectors.of(record.variant).detect(frame)
             path = self.folder / f"{file_stem(record)}.png"
-            Image.fromarray(overlay(detection)).save(path)
+            write_image(path, overlay(detection))
             add({"id": path.name})
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import FiniteFloat
 
 from gslts.fleet.jobs import Add
-from gslts.io.images import write_image
+from gslts.io.image_files import write_image
 from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import draw_semantic_map
 from gslts.semantics.source import Oracle

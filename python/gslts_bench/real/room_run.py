@@ -20,7 +20,7 @@ from gslts.change.overlay import overlay
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.fleet.jobs import Add
-from gslts.io.images import write_image
+from gslts.io.image_files import write_image
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts_bench.detection.run import Detectors

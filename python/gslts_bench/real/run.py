@@ -19,7 +19,7 @@ from gslts.change.overlay import overlay
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame
 from gslts.fleet.jobs import Add
-from gslts.io.images import write_image
+from gslts.io.image_files import write_image
 from gslts_bench.real.boxes import JUDGED, MarkedObject
 from gslts_bench.real.score import found_objects, other_reports, reports_of
 from gslts_bench.real.visit_score import score_visit

@@ -17,7 +17,7 @@ from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.jobs import Add
-from gslts.io.images import write_image
+from gslts.io.image_files import write_image
 from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import Rasterizer

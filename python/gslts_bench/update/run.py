@@ -9,13 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
 from pydantic import Field, FiniteFloat
 
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.jobs import Add, message_of
+from gslts.io.image_files import write_image
 from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
@@ -188,7 +188,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         if all(method in maps for method in METHODS):
             path = self.image(name)
             path.parent.mkdir(parents=True, exist_ok=True)
-            Image.fromarray(compare(judge, {method: maps[method] for method in METHODS})).save(path)
+            write_image(path, compare(judge, {method: maps[method] for method in METHODS}))
         for record in records:  # Together: what has a result has its image, too.
             add(record.model_dump(mode="json"))
         for method in curves:

@@ -13,7 +13,7 @@ from reprojection import assert_frames_agree
 from gslts.core.camera import Camera
 from gslts.datasets import open_dataset
 from gslts.datasets.dataset import read_numbers
-from gslts.datasets.image_frame import ImageFrame, image_size, read_image, with_unique_names
+from gslts.datasets.image_frame import ImageFrame, with_unique_names
 from gslts.datasets.posed import with_poses
 
 
@@ -203,18 +203,8 @@ def test_damaged_images_are_named(recorded: Path, kind: str, harm: str) -> None:
             small = image.resize((32, 24))
         small.save(path)
     frame = open_dataset(recorded).frames[1]
-    with pytest.raises((OSError, ValueError), match=f"{kind}/00001.png"):
+    with pytest.raises(ValueError, match=f"{kind}/00001.png"):
         frame.read()
-
-
-def test_images_are_damaged_in_many_ways(tmp_path: Path) -> None:
-    path = tmp_path / "a.tif"
-    Image.new("P", (8, 8)).save(path)
-    content = bytearray(path.read_bytes())
-    content[72] = 7  # Makes offsets bytes, for which Pillow raises a TypeError.
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=r"a\.tif: "):
-        read_image(path, "RGB", (8, 8))
 
 
 def test_images_of_one_name_get_unique_names(recorded: Path) -> None:
@@ -241,17 +231,3 @@ def test_names_differ_in_their_ending_only_where_nothing_else_does() -> None:
     names = ["a/1.png", "a/1.jpg", "b/1", "2", "../c/3", "3", "b/4.png", "b/4.png"]
     assert [frame.name for frame in frames] == names
     assert [frame.rgb for frame in frames] == [Path("set") / path for path in paths]
-
-
-@pytest.mark.parametrize("suffix", ["jpg", "png", "tiff", "bmp", "webp", "ppm"])
-def test_images_of_known_formats_are_read(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"image.{suffix}"
-    Image.new("RGB", (8, 6), (200, 100, 50)).save(path)
-    assert np.ptp(read_image(path, "RGB", (6, 8)) - [200.0, 100, 50]) < 12
-
-
-def test_programs_in_images_are_not_run(tmp_path: Path) -> None:
-    path = tmp_path / "image.png"
-    path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 6\n%%EndComments\n")
-    with pytest.raises(ValueError, match=r"image\.png: not an image in JPEG, PNG, .* or PPM$"):
-        image_size(path)

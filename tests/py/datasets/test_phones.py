@@ -137,7 +137,7 @@ def test_record3d_with_fewer_images_than_poses(tmp_path: Path) -> None:
         ("0.depth", "short", r"frame 0: 0\.depth: 40 bytes, expected 3072"),
         ("0.conf", "short", r"frame 0: 0\.conf: 40 bytes, expected 768"),
         ("0.depth", "bomb", r"frame 0: 0\.depth: it would unpack to more than 3072 bytes"),
-        ("0.jpg", b"no JPEG", r"frame 0: the image is neither JPEG nor PNG"),
+        ("0.jpg", b"no JPEG", r"frame 0: not an image in JPEG, PNG"),
     ],
 )
 def test_damaged_files_of_record3d(tmp_path: Path, name: str, content: Any, message: str) -> None:

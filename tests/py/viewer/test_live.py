@@ -99,5 +99,5 @@ def test_image_that_is_cut(pipe: tuple[io.BufferedReader, io.BufferedWriter]) ->
     with LiveFeed(target) as feed:
         feed.show(frame_of(3), list)
         whole = next(iter(lambda: source.read1(1 << 20), b""))
-    with pytest.raises(OSError, match=r"identify|truncated"):
+    with pytest.raises(ValueError, match="the image is damaged"):
         next(read_live_frames(io.BytesIO(whole[:-50])))

@@ -31,7 +31,7 @@ def test_images_of_updates(tmp_path: Path) -> None:
     path.write_bytes(bytes(MAX_IMAGE_BYTES + 1))
     assert viewed.update_image(1) is None
     path.write_bytes(b"nonsense")
-    with pytest.raises(OSError, match="cannot identify"):
+    with pytest.raises(ValueError, match=r"00001\.jpg: not an image"):
         viewed.update_image(1)
 
 

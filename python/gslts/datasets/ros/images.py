@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.dataset import MAX_PIXELS
-from gslts.datasets.image_frame import decode_image
 from gslts.datasets.undistort import Lens, lens_or_none
+from gslts.io.image_files import MAX_PIXELS, decode_integers, decode_rgb
 from gslts.types import Floats32
 
 Bytes = NDArray[np.uint8]
@@ -63,7 +62,7 @@ def rgb_of(message: Any) -> Bytes:
         channels, order = _COLOUR_CHANNELS[message.encoding]
         pixels = _rows(message, np.dtype(np.uint8), channels)
         return np.ascontiguousarray(pixels[..., order])
-    return decode_image(message.data, "RGB").astype(np.uint8)
+    return decode_rgb(bytes(message.data))
 
 
 def depth_of(message: Any) -> Floats32:
@@ -99,7 +98,7 @@ def steps_of(message: Any) -> NDArray[Any]:
         ValueError: The message is damaged, or its encoding is not supported.
     """
     if not hasattr(message, "encoding"):
-        return decode_image(message.data, "I")
+        return decode_integers(bytes(message.data))
     encoding = encoding_of(message)
     if encoding not in DEPTH_ENCODINGS:
         raise ValueError(f"the encoding {encoding} is not one of depth")
@@ -119,7 +118,7 @@ def _compressed_depth(message: Any, encoding: str) -> Floats32:
     if len(data) < _COMPRESSED_DEPTH_HEADER.size:
         raise ValueError("the compressed depth is cut off")
     _, a, b = _COMPRESSED_DEPTH_HEADER.unpack_from(data)
-    steps = decode_image(data[_COMPRESSED_DEPTH_HEADER.size :], "I").astype(np.float32)
+    steps = decode_integers(data[_COMPRESSED_DEPTH_HEADER.size :]).astype(np.float32)
     if encoding != "32FC1":
         return steps * np.float32(MILLIMETRE)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gslts.io.data_urls import data_url
+from gslts.io.image_files import shrink_image
 from gslts.mapping.report.data import CurvePoint
 from gslts.mapping.report.plot import Curve, plot_svg
 from gslts.types import Floats
@@ -30,15 +31,12 @@ def shrink(image: Any) -> Any:
     Returns:
         [h,w,3] or [h,w] of the same dtype.
     """
-    from PIL import Image
-
     height, width = image.shape[:2]
     if width <= WIDTH_PX:
         return image
-    new_height = max(1, round(height * WIDTH_PX / width))
     if image.ndim == 3:
-        size = (WIDTH_PX, new_height)
-        return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BOX))
+        return shrink_image(image, (WIDTH_PX, height))
+    new_height = max(1, round(height * WIDTH_PX / width))
     rows = ((np.arange(new_height) + 0.5) * height / new_height).astype(int)
     columns = ((np.arange(WIDTH_PX) + 0.5) * width / WIDTH_PX).astype(int)
     return image[np.ix_(rows, columns)]
