@@ -11,7 +11,7 @@ from PIL import Image
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
-from gslts.io.images import write_image
+from gslts.io.image_files import write_image
 from gslts.navigation.grid import Grid
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.semantic_map_files import (

@@ -143,17 +143,17 @@ def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
 
 def full_after(monkeypatch: pytest.MonkeyPatch, images: int) -> None:
     """Simulate a disk with room for a number of images, which fills during the next."""
-    save = Image.Image.save
+    write = Path.write_bytes
     left = [images]
 
-    def limited(self: Image.Image, path: Path, **options: object) -> None:
+    def limited(self: Path, content: bytes) -> None:
         if left[0] == 0:
-            Path(path).write_bytes(b"half a pict")
+            write(self, content[: len(content) // 2])
             raise OSError(errno.ENOSPC, "No space left on device")
         left[0] -= 1
-        save(self, path, **options)
+        write(self, content)
 
-    monkeypatch.setattr(Image.Image, "save", limited)
+    monkeypatch.setattr(Path, "write_bytes", limited)
 
 
 @pytest.mark.parametrize("images", [0, 1, 4, 5, 6])
