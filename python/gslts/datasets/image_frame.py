@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
@@ -28,14 +29,15 @@ class ImageFrame:
         depth_invalid: Value besides 0 that means no measurement; None if there is none.
         time_s: Time stamp, s.
         depth_camera: Intrinsics and pose of the depth image; None if it is registered.
-        lens: Distortion of the colour image and of registered depth, undone when the frame is
-            read; None for a pinhole. Then there is no border.
+        lens: Distortion of all images, undone when the frame is read; None for a pinhole. Then
+            there is no border.
         confidence: 8-bit image of the size of the depth image; where it is 0, depth is dropped.
         border_px: Width of a border of the colour image that is not used, such as the black one
             that undistortion leaves.
         instances: 16-bit image: 1 + index of the object in `types`, 0 for no object; None without
             labels. An undistorted image keeps no labels.
         types: Types of the objects, such as "Mug".
+        mask: Grey image of the size of the colour image; where it is 0, nothing is used.
         longer_name: Unique name where the name of the file is not unique; else "".
     """
 
@@ -51,6 +53,7 @@ class ImageFrame:
     border_px: int = 0
     instances: Path | None = None
     types: tuple[str, ...] = ()
+    mask: Path | None = None
     longer_name: str = ""
 
     @property
@@ -69,6 +72,9 @@ class ImageFrame:
         elif self.border_px:
             mask = np.zeros(size, np.bool_)
             mask[self.border_px : -self.border_px, self.border_px : -self.border_px] = True
+        if self.mask is not None:
+            used = self._read_mask(self.mask, size)
+            mask = used if mask is None else mask & used
         if self.depth is None:
             depth = np.zeros(size, np.float32)
             return RgbdFrame(rgb, depth, self.camera, self.time_s, None, mask, labels)
@@ -79,9 +85,16 @@ class ImageFrame:
         depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
         if self.confidence is not None:
             depth[read_integers(self.confidence, depth_size) == 0] = 0
-        if self.lens is not None and self.depth_camera is None:
-            depth = undistort_depth(depth, self.camera, self.lens)
+        if self.lens is not None:
+            depth = undistort_depth(depth, beside, self.lens)
         return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask, labels)
+
+    def _read_mask(self, path: Path, size: tuple[int, int]) -> NDArray[np.bool_]:
+        """Return the pixels that are used."""
+        used = np.asarray(read_integers(path, size) != 0)
+        if self.lens is None:
+            return used
+        return undistort_depth(used.astype(np.float32), self.camera, self.lens) > 0
 
     def _labels(self, size: tuple[int, int]) -> Labels:
         assert self.instances is not None

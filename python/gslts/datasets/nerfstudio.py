@@ -20,6 +20,7 @@ from gslts.datasets.dataset import (
     gather,
     name_of,
     pinhole,
+    resize_camera,
     rigid,
 )
 from gslts.datasets.files import MissingImageError, image_file, read_json
@@ -60,12 +61,14 @@ class _Intrinsics(BaseModel):
     k4: FiniteFloat = 0.0
     p1: FiniteFloat = 0.0
     p2: FiniteFloat = 0.0
+    is_fisheye: bool = False
 
 
 class _Frame(_Intrinsics):
     file_path: str
     depth_file_path: str | None = None
     instance_file_path: str | None = None
+    mask_path: str | None = None
     transform_matrix: Annotated[list[Row], Field(min_length=3, max_length=4)] | None = None
 
 
@@ -151,18 +154,25 @@ def _image_frame(
         height / 2 if frame.cy is None else frame.cy,
     )
     camera = pinhole(intrinsics, (width, height), pose)
-    depth = None
+    depth = depth_camera = mask = None
     if frame.depth_file_path is not None:
         depth = image_file(path, frame.depth_file_path, "depth image")
+        depth_size = image_size(depth)
+        if depth_size != (width, height):
+            depth_camera = resize_camera(camera, depth_size)
+    if frame.mask_path is not None:
+        mask = image_file(path, frame.mask_path, "mask")
     return ImageFrame(
         rgb,
         camera,
         depth,
         content.depth_unit_scale_factor,
         time_s=float(number),
-        lens=_lens(frame, content.camera_model == FISHEYE),
+        depth_camera=depth_camera,
+        lens=_lens(frame, content.camera_model == FISHEYE or frame.is_fisheye),
         instances=_instances(path, frame) if types else None,
         types=types,
+        mask=mask,
     )
 
 

@@ -21,7 +21,12 @@ from gslts.io.image_files import encode_png
 
 SAVE_INTERVAL = 10
 """Number of frames after which the list of frames is saved again; it is also after the first."""
-FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_path": "instances"}
+FOLDERS = {
+    "file_path": "images",
+    "depth_file_path": "depth",
+    "instance_file_path": "instances",
+    "mask_path": "masks",
+}
 """Folder of each image of a frame, by its key in `transforms.json`."""
 MAX_DEPTH_M = 65.535
 """Largest depth that fits into 16 bits, in millimetres, m."""
@@ -29,7 +34,7 @@ MAX_OBJECTS = (1 << 16) - 1
 """Maximum number of objects that fits into 16 bits, beside 0 for the background."""
 FORMAT = {"camera_model": "OPENCV", "depth_unit_scale_factor": 0.001}
 """Camera model and unit of depth, m, of all recordings."""
-NO_LENS = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2"), 0)
+NO_LENS = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2", "is_fisheye"), 0)
 """Distortion of a list that can be continued: recorded images have none."""
 TYPE = "objectType"
 """Key of the type of an object in the list of objects."""
@@ -38,9 +43,10 @@ TYPE = "objectType"
 class RecordingWriter:
     """Writes frames as a data set.
 
-    It has `transforms.json`, and the folders `images`, `depth` (16-bit, mm; 0: no measurement) and
-    `instances` (16-bit, 1 + row of the object in `objects.json`, 0: background). A frame of another
-    camera than the first one has its intrinsics in its entry of the list.
+    It has `transforms.json`, and the folders `images`, `depth` (16-bit, mm; 0: no measurement),
+    `instances` (16-bit, 1 + row of the object in `objects.json`, 0: background) and `masks` (8-bit,
+    0: not used; only of frames that need it). A frame of another camera than the first one has its
+    intrinsics in its entry of the list.
     After a failure or an interruption, the frames of the last list remain as a valid data set; the
     next writer of the folder continues it.
 
@@ -93,6 +99,8 @@ class RecordingWriter:
         }
         if frame.labels is not None:
             images["instance_file_path"] = self._instances(frame.labels)
+        if frame.mask is not None and not frame.mask.all():
+            images["mask_path"] = 255 * frame.mask.astype(np.uint8)
         entry: dict[str, Any] = {}
         try:
             for key, image in images.items():

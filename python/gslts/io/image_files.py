@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -17,10 +18,10 @@ from gslts.types import Bytes
 SIGNATURES = {
     "JPEG": (b"\xff\xd8",),
     "PNG": (b"\x89PNG\r\n\x1a\n",),
-    "TIFF": (b"II*\0", b"MM\0*"),
+    "TIFF": (b"II*\0", b"MM\0*", b"II+\0"),
     "BMP": (b"BM",),
     "WEBP": (b"RIFF",),
-    "PPM": (b"P2", b"P3", b"P5", b"P6"),
+    "PPM": (b"P4", b"P5", b"P6"),
 }
 """First bytes of each format that is read; OpenCV reads more, with decoders that few people use."""
 MAX_PIXELS = 1 << 26
@@ -29,6 +30,8 @@ MAX_FILE_BYTES = 8 * MAX_PIXELS
 """Maximum size of an image file: that of four channels of 16 bits without compression."""
 WRITTEN_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp")
 """Endings of the names of images that are written."""
+PPM_HEADER, MAX_PPM_HEADER_BYTES = re.compile(rb"P[56](?:(?:\s|#.*\n)+(\d{1,5})){3}\s"), 4096
+"""Width, height and maximum value of a PPM image, with comments; and maximum size of all that."""
 
 Pixels = TypeVar("Pixels", bound=NDArray[Any])
 
@@ -101,6 +104,9 @@ def decode_rgb(content: bytes, size: tuple[int, int] | None = None) -> Bytes:
     """
     import cv2
 
+    header = PPM_HEADER.match(content, 0, MAX_PPM_HEADER_BYTES)
+    if header is not None and int(header[1]) not in (255, 65535):  # OpenCV does not scale them.
+        raise ValueError(f"white is {int(header[1])}, expected 255 or 65535: convert it to PNG")
     return _decode(content, size, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
 
 
@@ -198,6 +204,8 @@ def _size(file: IO[bytes]) -> tuple[int, int]:
 
     start = file.read(max(len(each) for starts in SIGNATURES.values() for each in starts))
     is_known = any(start.startswith(starts) for starts in SIGNATURES.values())
+    if start.startswith(SIGNATURES["PPM"]):  # Spaces between its numbers are read one by one.
+        file = BytesIO(start + file.read(MAX_PPM_HEADER_BYTES))
     # Stored sizes: frames are used as the sensor made them.
     width, height = imagesize.get(file, exif_rotation=False) if is_known else (-1, -1)
     if min(width, height) <= 0:
@@ -227,7 +235,7 @@ def _decode(content: bytes, expected: tuple[int, int] | None, flags: int) -> NDA
     except cv2.error:
         pixels = None
     if pixels is None or pixels.shape[:2] != (height, width):
-        raise ValueError("the image is damaged")
+        raise ValueError("the image is damaged, or of a kind that OpenCV does not read")
     return np.asarray(pixels)
 
 

@@ -4,7 +4,7 @@ Positions are 24-bit fixed-point numbers, with 12 bits after the point, 0.24 mm,
 wider than 4 km. Scales are rounded to 1/16 of a logarithm, opacities and colours of SH degree 0 to
 8 bits, quaternions to 9 bits and a sign for each of the three smaller components, other harmonics
 to 6 bits from -1 to 1. The format has neither ids, features nor an origin. Its axes are x right,
-y up, z back: y points up as z does in a map.
+y up, z back, unless an extension says otherwise: y points up as z does in a map.
 
 Source: nianticlabs/spz.
 """
@@ -117,7 +117,7 @@ def read_spz(path: Path) -> GaussianMap:
     for name, array in arrays.items():
         arrays[name] = array.astype(np.float32)
     try:
-        return transform_map(GaussianMap(**arrays), Z_UP)
+        return transform_map(GaussianMap(**arrays), Z_UP @ np.diag([*header.axes, 1]))
     except ValueError as error:  # Positions of 16 bits may be infinite.
         raise ValueError(f"{path}: {error}") from None
 

@@ -2,7 +2,8 @@
 
 Versions 1 to 3 are one gzip stream of a header of 16 bytes and the attributes. Version 4 has a
 header of 32 bytes, records of extensions, a table of the compressed and full sizes of the streams,
-and a Zstandard frame for each; an empty stream has none.
+and a Zstandard frame for each; an empty stream has none. In old versions, the records follow the
+attributes.
 
 Source: nianticlabs/spz, version 3, and splat-transform 2.7, whose files have version 4.
 """
@@ -12,7 +13,7 @@ from __future__ import annotations
 import struct
 import sys
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -28,6 +29,15 @@ version 4, the number of streams and the offset of the table; compressed and ful
 stream."""
 MORE_FLAGS = 0x82
 """Flags of files in which more follows the attributes: extensions and levels of detail."""
+EXTENSIONS, RECORD = 0x02, "<II"
+"""Flag of files with extensions; type and size of a record, before its content."""
+COORDINATE_SYSTEM = 0xADBE0003
+"""Type of the record SPZ_ADOBE_coordinate_system, whose content is a number of 32 bits."""
+AXES = {0: (1, 1, 1), 1: (-1, -1, 1), 4: (1, 1, 1), 6: (1, -1, -1), 7: (-1, 1, -1)}
+"""Directions of x, y and z by that number, 1 for right, up and back: none, LDB, RUB, RDF and LUF.
+The others are left-handed, or swap y and z, which versions of Niantic's library do differently."""
+MAX_RECORDS_BYTES = 1 << 20
+"""Maximum size of the records of old versions that are read; those of cameras and axes have 32."""
 MAX_RATIO = 100
 """Maximum ratio of the size of the attributes to that of the file: those of rooms have 3."""
 SMALL_BYTES = 16 << 20
@@ -50,6 +60,7 @@ class SpzHeader:
         degree: Of the spherical harmonics, 0 to 4.
         fractional_bits: Of positions.
         flags: 1 for training with antialiasing; `MORE_FLAGS`.
+        axes: Directions of x, y and z, 1 for right, up and back, -1 for left, down and front.
     """
 
     version: int
@@ -57,6 +68,7 @@ class SpzHeader:
     degree: int
     fractional_bits: int
     flags: int = 0
+    axes: tuple[int, int, int] = (1, 1, 1)
 
     def widths(self) -> dict[str, int]:
         """Return the bytes of a Gaussian of each attribute, in the order of the file."""
@@ -157,7 +169,7 @@ class _Unpacker:
                 self.reject("the file ends in its header")
             header = self._header(head, (1, 2, 3))
             wanted = header.size * sum(header.widths().values())
-            body = unpacker.decompress(unpacker.unconsumed_tail, wanted + 1)
+            body = unpacker.decompress(unpacker.unconsumed_tail, wanted + MAX_RECORDS_BYTES)
         except zlib.error as error:
             self.reject(f"damaged gzip stream: {error}")
         if len(body) < wanted:
@@ -169,7 +181,7 @@ class _Unpacker:
         for name, width in header.widths().items():
             streams[name] = body[begin : begin + header.size * width]
             begin += header.size * width
-        return header, streams
+        return self._with_axes(header, body, begin, len(body)), streams
 
     def _unpack_zstd(self) -> tuple[SpzHeader, dict[str, bytes]]:
         if len(self.data) < struct.calcsize(HEADER_4):
@@ -194,7 +206,23 @@ class _Unpacker:
             begin += packed_size
         if begin != len(self.data):
             self.reject(f"{len(self.data) - begin} bytes follow the last stream")
-        return header, streams
+        return self._with_axes(header, self.data, struct.calcsize(HEADER_4), offset), streams
+
+    def _with_axes(self, header: SpzHeader, data: bytes, begin: int, end: int) -> SpzHeader:
+        """Return the header with the axes in the records of extensions, if they name any."""
+        while header.flags & EXTENSIONS and begin + struct.calcsize(RECORD) <= end:
+            kind, size = struct.unpack_from(RECORD, data, begin)
+            begin += struct.calcsize(RECORD)
+            if kind == COORDINATE_SYSTEM and begin + 4 <= end:
+                number = int.from_bytes(data[begin : begin + 4], "little")
+                if number not in AXES:
+                    self.reject(
+                        f"SPZ_ADOBE_coordinate_system {number}: these axes are not supported; "
+                        "store it without this extension"
+                    )
+                return replace(header, axes=AXES[number])
+            begin += size
+        return header
 
     def _inflate(self, name: str, frame: bytes, size: int) -> bytes:
         limit = {int(zstd.DecompressionParameter.window_log_max): WINDOW_LOG}

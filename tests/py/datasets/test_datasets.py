@@ -137,6 +137,91 @@ def test_seven_scenes_of_another_size_has_the_focal_lengths_of_that_size(tmp_pat
     assert read.camera.fx == pytest.approx(52.5)
 
 
+def write_bundle_fusion(folder: Path, depth_width: int = 64) -> list:
+    """As the tools of BundleFusion export a scan; pixel centres are whole numbers."""
+    frames = frames_of_robot()
+    sides = {"color": (64, 48), "depth": (depth_width, depth_width * 3 // 4)}
+    small = frames_of_robot(*sides["depth"])
+    lines = ["m_versionNumber = 4", "m_sensorName = Structure = Sensor", "m_depthShift = 5000"]
+    folder.mkdir()
+    for number, (frame, near) in enumerate(zip(frames, small, strict=True)):
+        stem = folder / f"frame-{number:06}"
+        Image.fromarray(frame.rgb).save(f"{stem}.color.png")
+        Image.fromarray(np.rint(5000 * near.depth).astype(np.uint16)).save(f"{stem}.depth.png")
+        np.savetxt(f"{stem}.pose.txt", frame.camera.world_from_camera)
+    for name, camera in (("color", frames[0].camera), ("depth", small[0].camera)):
+        lines += [f"m_{name}Width = {camera.width}", f"m_{name}Height = {camera.height}"]
+        matrix = (
+            f"{camera.fx} 0 {camera.cx - 0.5} 0 0 {camera.fy} {camera.cy - 0.5} 0 0 0 1 0 0 0 0 1"
+        )
+        lines.append(f"m_calibration{name.title()}Intrinsic = {matrix} ")
+    (folder / "info.txt").write_text("\n".join(lines))
+    return frames
+
+
+@pytest.mark.parametrize("depth_width", [64, 32])
+def test_bundle_fusion(tmp_path: Path, depth_width: int) -> None:
+    frames = write_bundle_fusion(tmp_path / "office", depth_width)
+    dataset = open_dataset(tmp_path / "office")
+    assert dataset.left_out == ()
+    read = [frame.read() for frame in dataset.frames]
+    assert_frames_agree(read)
+    for found, expected in zip(read, frames, strict=True):
+        assert (found.depth_camera is None) == (depth_width == 64)
+        for name in ("width", "height", "fx", "fy", "cx", "cy"):
+            assert getattr(found.camera, name) == pytest.approx(getattr(expected.camera, name))
+        pose = expected.camera.world_from_camera
+        np.testing.assert_allclose(found.camera.world_from_camera, pose, atol=1e-9)
+        if found.depth_camera is None:
+            np.testing.assert_allclose(found.depth, expected.depth, atol=0.00011)
+        else:
+            assert found.depth_camera.fx == pytest.approx(expected.camera.fx / 2)
+            np.testing.assert_allclose(found.depth_camera.world_from_camera, pose, atol=1e-9)
+
+
+def test_bundle_fusion_has_images_of_another_size(tmp_path: Path) -> None:
+    folder = tmp_path / "office"
+    write_bundle_fusion(folder)
+    for path in folder.glob("*.color.png"):
+        with Image.open(path) as image:
+            large = image.resize((128, 96))
+        large.save(path)
+    frame = open_dataset(folder).frames[0].read()
+    expected = frames_of_robot()[0].camera
+    assert frame.camera.fx == pytest.approx(2 * expected.fx)
+    assert frame.depth_camera is not None
+    assert frame.depth_camera.fx == pytest.approx(expected.fx)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("m_colorWidth", "m_width", "m_colorWidth: Field required"),
+        ("m_depthShift = 5000", "m_depthShift = 0", "m_depthShift: .* greater than 0, got '0'"),
+        ("m_depthShift = 5000", "m_depthShift = nan", "m_depthShift: .* finite"),
+        ("m_depthHeight = 48", "m_depthHeight = tall", "m_depthHeight: .* got 'tall'"),
+        ("m_depthHeight = 48", "m_depthHeight = 0", "m_depthHeight: .* greater than or"),
+        ("Intrinsic = ", "Intrinsic = 1 ", "m_calibrationColorIntrinsic: .* at most 16 items"),
+        ("Intrinsic = ", "Intrinsic = x", r"m_calibrationColorIntrinsic\.0: .* number"),
+        ("m_sensorName = ", "m_sensorName = " + "x" * 10_000, "larger than 10,000 bytes"),
+    ],
+)
+def test_bad_facts_of_bundle_fusion_are_named(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    write_bundle_fusion(tmp_path / "office")
+    path = tmp_path / "office" / "info.txt"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ValueError, match=rf"info\.txt: .*{message}") as caught:
+        open_dataset(tmp_path / "office")
+    assert len(str(caught.value)) < len(str(path)) + 200
+    path.write_text(text.replace("ColorIntrinsic = ", "ColorIntrinsic = 99"))
+    with pytest.raises(ValueError, match=r"a focal length of .* does not fit"):
+        open_dataset(tmp_path / "office")
+
+
 def test_numbers_beyond_the_limit_are_not_read(tmp_path: Path) -> None:
     path = tmp_path / "camera-intrinsics.txt"
     path.write_text("5 0 3\n0 5 2\n0 0 1\n" + " " * 10_000 + "7")
@@ -190,8 +275,10 @@ def test_labels_of_objects_that_there_are_not_are_named(recorded: Path) -> None:
         open_dataset(recorded).frames[1].read()
 
 
-@pytest.mark.parametrize("kind", ["images", "depth"])
-@pytest.mark.parametrize("harm", ["truncated", "garbage", "small"])
+@pytest.mark.parametrize(
+    ("kind", "harm"),
+    [("images", "truncated"), ("images", "garbage"), ("images", "small"), ("depth", "truncated")],
+)
 def test_damaged_images_are_named(recorded: Path, kind: str, harm: str) -> None:
     path = recorded / kind / "00001.png"
     if harm == "truncated":
@@ -205,6 +292,14 @@ def test_damaged_images_are_named(recorded: Path, kind: str, harm: str) -> None:
     frame = open_dataset(recorded).frames[1]
     with pytest.raises(ValueError, match=f"{kind}/00001.png"):
         frame.read()
+
+
+def test_depth_that_is_no_image_is_named(recorded: Path) -> None:
+    (recorded / "depth" / "00001.png").write_bytes(b"no image")
+    dataset = open_dataset(recorded)
+    assert len(dataset.frames) == 2
+    (reason,) = dataset.skipped
+    assert reason.endswith("depth/00001.png: not an image in JPEG, PNG, TIFF, BMP, WEBP or PPM")
 
 
 def test_images_of_one_name_get_unique_names(recorded: Path) -> None:

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from recorded_frames import frames_of_robot
 from reprojection import assert_frames_agree
 
 from gslts.datasets import open_dataset
 from gslts.datasets.dataset import join_reasons
-from gslts.datasets.undistort import Lens
+from gslts.datasets.undistort import Lens, undistort_depth
 
 
 def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:
@@ -208,3 +209,77 @@ def test_nerfstudio_has_lenses(recorded: Path) -> None:
     frame = open_dataset(recorded).frames[0]
     assert frame.lens == Lens((-0.1, 0.02, 0.003, 0.004), fisheye=True)
     assert frame.read().mask is not None
+    edited(recorded, lambda c: c.update(camera_model="OPENCV", is_fisheye=True))
+    assert open_dataset(recorded).frames[0].lens == frame.lens, "as instant-ngp writes it"
+    edited(recorded, lambda c: c["frames"][1].update(is_fisheye=False, k4=0))
+    lenses = [frame.lens for frame in open_dataset(recorded).frames]
+    assert lenses[1] == Lens((-0.1, 0.02, 0.001, 0.002, 0.003))
+    assert lenses[2] == frame.lens
+
+
+def write_masks(folder: Path) -> np.ndarray:
+    """Write a mask of all frames, as nerfstudio reads it: the left half and a pixel are 0."""
+    mask = np.full((48, 64), 255, np.uint8)
+    mask[:, :32] = 0
+    mask[7, 40] = 0
+    Image.fromarray(mask).save(folder / "mask.png")
+
+    def edit(content: dict) -> None:
+        for entry in content["frames"]:
+            entry["mask_path"] = "mask.png"
+
+    edited(folder, edit)
+    return mask > 0
+
+
+def test_masked_pixels_are_not_used(recorded: Path) -> None:
+    mask = write_masks(recorded)
+    frame = open_dataset(recorded).frames[0].read()
+    np.testing.assert_array_equal(frame.mask, mask)
+    assert frame.depth[~mask].any()
+    assert not frame.registered().depth[~mask].any()
+    edited(recorded, lambda c: c.update(k1=0.3))
+    distorted = open_dataset(recorded).frames[0].read()
+    edited(recorded, lambda c: [entry.pop("mask_path") for entry in c["frames"]])
+    border = open_dataset(recorded).frames[0].read().mask
+    assert border is not None
+    assert distorted.mask is not None
+    assert not border.all()
+    assert not (distorted.mask & ~border).any()
+    assert not distorted.mask[:, :32].any(), "the principal point is in column 32"
+    assert (border & ~distorted.mask)[:, 34:].sum() == 1, "the pixel moves with the lens"
+
+
+def test_masks_that_cannot_be_used_are_named(recorded: Path) -> None:
+    write_masks(recorded)
+    Image.new("L", (32, 24)).save(recorded / "mask.png")
+    with pytest.raises(ValueError, match=r"mask\.png: 32 x 24 px, expected 64 x 48 px"):
+        open_dataset(recorded).frames[0].read()
+    Image.new("RGB", (64, 48)).save(recorded / "mask.png")
+    with pytest.raises(ValueError, match=r"mask\.png: 3 uint8 per pixel, expected one integer"):
+        open_dataset(recorded).frames[0].read()
+    edited(recorded, lambda c: c["frames"][1].update(mask_path="gone.png"))
+    assert open_dataset(recorded).missing == ("gone.png: there is no such mask",)
+    edited(recorded, lambda c: c["frames"][1].update(mask_path="../mask.png"))
+    (reason,) = open_dataset(recorded).skipped
+    assert reason == "frames[1]: the name '../mask.png' of an image leads out of the data set"
+
+
+def test_depth_of_another_size(recorded: Path) -> None:
+    for path in (recorded / "depth").iterdir():
+        with Image.open(path) as image:
+            small = image.resize((32, 24), Image.Resampling.NEAREST)
+        small.save(path)
+    dataset = open_dataset(recorded)
+    assert dataset.left_out == ()
+    frames = [frame.read() for frame in dataset.frames]
+    assert_frames_agree(frames)
+    depth_camera = frames[0].depth_camera
+    assert depth_camera is not None
+    assert (depth_camera.width, depth_camera.height) == (32, 24)
+    assert depth_camera.fx == pytest.approx(frames[0].camera.fx / 2)
+    edited(recorded, lambda c: c.update(k1=0.3))
+    distorted = open_dataset(recorded).frames[0].read()
+    np.testing.assert_array_equal(
+        distorted.depth, undistort_depth(frames[0].depth, depth_camera, Lens((0.3, 0, 0, 0, 0)))
+    )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gslts.core.camera import camera_from_fov, look_at
 from gslts.core.frame import Labels, RgbdFrame
@@ -44,6 +45,26 @@ def test_frames_come_back(tmp_path: Path) -> None:
         assert read.labels.types == ("Mug", "Sofa")
 
 
+def masked(number: int) -> RgbdFrame:
+    """Return a frame whose first column is beyond the border of its undistorted image."""
+    mask = np.ones((6, 8), np.bool_)
+    mask[:, 0] = False
+    return replace(frame(number), mask=mask)
+
+
+def test_masks_come_back(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path)
+    for each in (masked(0), frame(1), replace(frame(2), mask=np.ones((6, 8), np.bool_))):
+        writer.add(each)
+    writer.save()
+    masks = [entry.read().mask for entry in open_dataset(tmp_path).frames]
+    np.testing.assert_array_equal(masks[0], masked(0).mask)
+    assert masks[1:] == [None, None]
+    with Image.open(tmp_path / "masks" / "00000.png") as image:
+        assert image.mode == "L"
+        assert image.getextrema() == (0, 255)
+
+
 def test_a_recording_is_continued_after_its_last_list(tmp_path: Path) -> None:
     first = RecordingWriter(tmp_path)
     for number in range(12):
@@ -73,7 +94,7 @@ def test_a_recording_that_is_closed_again_stays_as_it_is(
     monkeypatch.setattr(recording, "write_atomic", full)
     RecordingWriter(tmp_path).keep_complete_frames()
     second = RecordingWriter(tmp_path)
-    second.add(frame(3))
+    second.add(masked(3))
     second.keep_complete_frames()
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == files
 
@@ -168,7 +189,12 @@ def test_objects_that_cannot_be_listed_are_rejected(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("camera_model", "OPENCV_FISHEYE"), ("k1", 0.1), ("depth_unit_scale_factor", 0.0002)],
+    [
+        ("camera_model", "OPENCV_FISHEYE"),
+        ("k1", 0.1),
+        ("is_fisheye", True),
+        ("depth_unit_scale_factor", 0.0002),
+    ],
 )
 def test_a_list_of_other_images_is_not_continued(tmp_path: Path, key: str, value: object) -> None:
     (tmp_path / "transforms.json").write_text(json.dumps({key: value, "frames": []}))

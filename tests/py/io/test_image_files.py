@@ -35,6 +35,13 @@ def encoded(image: Image.Image, kind: str, **options: Any) -> bytes:
     return file.getvalue()
 
 
+def netpbm(pixels: Any, max_value: int) -> bytes:
+    """Return a grey or colour image."""
+    kind = "P5" if pixels.ndim == 2 else "P6"
+    head = f"{kind}\n# of a test\n{pixels.shape[1]} {pixels.shape[0]} # px\n{max_value}\n"
+    return head.encode() + pixels.astype(np.uint8 if max_value < 256 else ">u2").tobytes()
+
+
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tiff", "bmp", "webp", "ppm"])
 def test_pixels_are_those_of_pillow(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"image.{suffix}"
@@ -58,6 +65,41 @@ def test_sixteen_bits_become_eight() -> None:
     pixels = noise((6, 8), np.uint16)
     rgb = decode_rgb(encode_png(pixels))
     assert np.abs(rgb[..., 0] - pixels / 257).max() <= 1
+
+
+@pytest.mark.parametrize("max_value", [15, 255, 1023, 65535])
+def test_netpbm_of_any_maximum(max_value: int) -> None:
+    for shape in ((6, 8), (6, 8, 3)):
+        pixels = np.random.default_rng(0).integers(0, max_value, shape, endpoint=True)
+        content = netpbm(pixels, max_value)
+        if max_value in (255, 65535):
+            colours = np.broadcast_to(pixels.reshape(6, 8, -1), (6, 8, 3))
+            assert np.abs(decode_rgb(content) - colours * (255 / max_value)).max() <= 1
+        else:
+            with pytest.raises(ValueError, match=f"white is {max_value}, expected 255 or 65535"):
+                decode_rgb(content)
+    result = decode_integers(netpbm(pixels[..., 0], max_value))
+    assert result.dtype == (np.uint8 if max_value < 256 else np.uint16)
+    np.testing.assert_array_equal(result, pixels[..., 0])
+
+
+@pytest.mark.parametrize("kind", ["TIFF", "PPM"])
+def test_kinds_that_few_programs_write(kind: str) -> None:
+    """Read a BigTIFF, and a bitmap."""
+    pixels = noise((6, 8)) > 127
+    if kind == "PPM":
+        content = encoded(Image.fromarray(pixels), "PPM")
+        assert content.startswith(b"P4")
+    else:
+        content = encoded(Image.fromarray(255 * pixels.astype(np.uint8)), kind, big_tiff=True)
+        assert content.startswith(b"II+\0")
+    np.testing.assert_array_equal(decode_rgb(content), np.repeat(255 * pixels[..., None], 3, 2))
+
+
+def test_a_long_header_is_not_read() -> None:
+    content = b"P6" + b" " * 5000 + b"8 6 255\n" + bytes(144)
+    with pytest.raises(ValueError, match="not an image"):
+        decode_rgb(content)
 
 
 def test_images_are_not_turned(tmp_path: Path) -> None:
@@ -106,7 +148,9 @@ def test_cut_images_are_damaged(tmp_path: Path, kind: str) -> None:
 def test_damaged_offsets_are_errors() -> None:
     content = bytearray(encoded(Image.new("P", (8, 8)), "TIFF"))
     content[72] = 7  # Makes offsets bytes.
-    with pytest.raises(ValueError, match="the image is damaged"):
+    with pytest.raises(
+        ValueError, match=r"^the image is damaged, or of a kind that OpenCV does not read$"
+    ):
         decode_rgb(bytes(content))
 
 

@@ -179,6 +179,57 @@ def test_extensions_are_skipped(tmp_path: Path) -> None:
     assert read_spz(written(tmp_path / "c.spz", content)).sh.tobytes() == plain.sh.tobytes()
 
 
+def axes_record(number: int) -> bytes:
+    """Return records of extensions: an unknown one, and the axes of the file."""
+    return struct.pack("<II4xIII", 0xADBE0002, 4, 0xADBE0003, 4, number)
+
+
+def turned_file(version: int, number: int) -> bytes:
+    """Return a file whose axes have that number in the enumeration of Niantic's library."""
+    head, record = header(version, 1, 1, flags=2), axes_record(number)
+    if version == 4:
+        return zstd_file(head, STREAMS, extensions=record)
+    return gzip_file(head, *STREAMS, record)
+
+
+@pytest.mark.parametrize("version", [3, 4])
+@pytest.mark.parametrize(
+    ("number", "axes"), [(0, "RUB"), (1, "LDB"), (4, "RUB"), (6, "RDF"), (7, "LUF")]
+)
+def test_other_axes_are_turned(tmp_path: Path, version: int, number: int, axes: str) -> None:
+    turn = np.diag([1.0 if axis in "RUB" else -1.0 for axis in axes])
+    plain = in_file_axes(written(tmp_path / "a.spz", zstd_file(header(4, 1, 1), STREAMS)))
+    read = in_file_axes(written(tmp_path / "b.spz", turned_file(version, number)))
+    np.testing.assert_allclose(read.means[0], turn @ plain.means[0], atol=1e-6)
+    rotations = [rotation_of_quat(each.quats[0]) for each in (read, plain)]
+    np.testing.assert_allclose(rotations[0], turn @ rotations[1], atol=1e-6)
+    # The bases of degree 1 are -y, z, -x.
+    vectors = [each.sh[0, [3, 1, 2]] * [[-1], [-1], [1]] for each in (read, plain)]
+    np.testing.assert_allclose(vectors[0], turn @ vectors[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("number", [2, 3, 5, *range(8, 18), 2**32 - 1])
+def test_axes_that_are_not_supported_are_rejected(tmp_path: Path, number: int) -> None:
+    for version in (3, 4):
+        assert error_of(written(tmp_path / "a.spz", turned_file(version, number))) == (
+            f"SPZ_ADOBE_coordinate_system {number}: these axes are not supported; store it without "
+            "this extension"
+        )
+
+
+def test_records_that_are_cut_off_are_skipped(tmp_path: Path) -> None:
+    for size in range(24):
+        record = axes_record(6)[:size]
+        for version in (3, 4):
+            head = header(version, 1, 1, flags=2)
+            content = (
+                zstd_file(head, STREAMS, extensions=record)
+                if version == 4
+                else gzip_file(head, *STREAMS, record)
+            )
+            assert in_file_axes(written(tmp_path / "a.spz", content)).means[0, 1] == -1.5
+
+
 def error_of(path: Path) -> str:
     """Return the error of reading, which is one short line that begins with the path."""
     with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as caught:
