@@ -36,11 +36,11 @@ UPDATE_PUTS = 4
 NEWS_CPU_S, NO_NEWS_CPU_S, SHOW_CPU_S = 0.37, 0.006, 0.35
 """CPU time of a pull of an update, of one without news, and of reading what happened, s, after a
 year of three updates a day: `history_benchmark.py`. With 15 versions: 0.05, 0.003 and 0.002."""
-DETECT_CPU_S, FIRST_DETECT_CPU_S, LOCALIZE_CPU_S = 0.044, 0.293, 0.196
+DETECT_CPU_S, FIRST_DETECT_CPU_S, LOCALIZE_CPU_S = 0.090, 0.352, 0.170
 """CPU time of the detection in a frame and in the first frame of a round, and of localization, s,
 in a map of 128,286 Gaussians with images of 320 x 240: `gslts bench scale` of commit
-f72cdb4."""
-UPDATE_CPU_S = 7.44 + 0.22
+57e06141."""
+UPDATE_CPU_S = 7.67 + 0.22
 """CPU time of an update and of its commit, s, there. In small maps with few iterations it takes
 half of it: `year_benchmark.py`."""
 

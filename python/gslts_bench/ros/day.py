@@ -115,6 +115,7 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
     with Director(out / "bag", log) as director:
         script = ("--day", f"{out}/day/day.json", "--speed", str(settings.speed), "--rate", RATE_HZ)
         robot = start(out, "robot", "sim", "ros", *home, *size, *script)
+        director.processes["gslts sim ros"] = robot
         try:
             map_from_world = director.odometry_from_world()
             node = start(
@@ -125,6 +126,7 @@ def live_day(out: Path, settings: DaySettings, log: Callable[[str], None]) -> Da
                 *("--labels", "/camera/labels", "--label-names", "/camera/label_names"),
                 *("--viewpoints", str(settings.viewpoints)),
             )
+            director.processes["gslts ros"] = node
             try:
                 answer, errand = _direct(director, events, settings, note, log)
             finally:

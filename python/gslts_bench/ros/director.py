@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import queue
+import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -63,6 +64,7 @@ class Director:
         poses: Newest poses [4,4] by topic: as the odometry believes, and true.
         path: Positions (2,) of the localized camera, x and y in the map, m.
         grid: Newest free floor; None before the first one.
+        processes: Nodes that are waited for, by name, as long as they run.
     """
 
     def __init__(self, bag: Path, log: Callable[[str], None]) -> None:
@@ -73,6 +75,7 @@ class Director:
         self.poses: dict[str, Floats] = {}
         self.path: list[Floats] = []
         self.grid: Any = None
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._writer = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         for topic, (kind, qos) in RECORDED.items():
@@ -119,11 +122,12 @@ class Director:
             The object.
 
         Raises:
-            RuntimeError: A request failed.
+            RuntimeError: A request failed, or a node has ended.
             TimeoutError: Nothing came.
         """
         end_s = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end_s:
+            self._require_running()
             try:
                 said = self._said.get(timeout=1)
             except queue.Empty:
@@ -178,10 +182,20 @@ class Director:
         raise TimeoutError(f"the robot did not obey /robot/{service} within {TIMEOUT_S:g} s")
 
     def odometry_from_world(self) -> Floats:
-        """Return [4,4] of the simulated home, m; call it before the robot moves."""
+        """Return [4,4] of the simulated home, m; call it before the robot moves.
+
+        Raises:
+            RuntimeError: A node has ended.
+        """
         while len(self.poses) < 2:
+            self._require_running()
             time.sleep(0.1)
         return self.poses["/camera/pose"] @ inverse(self.poses["/robot/true_pose"])
+
+    def _require_running(self) -> None:
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                raise RuntimeError(f"{name} has ended; see its log")
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
         package = kind.__module__.partition(".msg.")[0]
