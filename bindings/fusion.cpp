@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "arrays.hpp"
+#include "exclusive_use.hpp"
 #include "gslts/fusion/register_depth.hpp"
 #include "gslts/fusion/surface_voxels.hpp"
 
@@ -13,8 +14,13 @@ namespace gslts::python {
 namespace {
 
 using fusion::kVoxelSums;
-using fusion::SurfaceVoxels;
 using fusion::VoxelSums;
+
+/// `fusion::SurfaceVoxels` that works without the GIL, so it rejects a second thread.
+struct SurfaceVoxels : fusion::SurfaceVoxels {
+  using fusion::SurfaceVoxels::SurfaceVoxels;
+  bool in_use = false;
+};
 
 void add(SurfaceVoxels& voxels, const py::array& depth, const py::array& rgb, const Camera& camera,
          const std::optional<py::array>& mask) {
@@ -22,6 +28,7 @@ void add(SurfaceVoxels& voxels, const py::array& depth, const py::array& rgb, co
   const auto* measured = require_array<float>(depth, "depth", {height, width});
   const auto* colors = require_array<std::uint8_t>(rgb, "rgb", {height, width, 3});
   const bool* seen = mask ? require_array<bool>(*mask, "mask", {height, width}) : nullptr;
+  const ExclusiveUse use(voxels.in_use, "SurfaceVoxels");
   const py::gil_scoped_release release;
   voxels.add(measured, colors, camera, reinterpret_cast<const std::uint8_t*>(seen));
 }
@@ -29,7 +36,8 @@ void add(SurfaceVoxels& voxels, const py::array& depth, const py::array& rgb, co
 using Sums =
     py::typing::Tuple<py::array_t<std::int64_t>, py::array_t<double>, py::array_t<std::int64_t>>;
 
-Sums voxels_of(const SurfaceVoxels& surface) {
+Sums voxels_of(SurfaceVoxels& surface) {
+  const ExclusiveUse use(surface.in_use, "SurfaceVoxels");
   VoxelSums voxels = [&] {
     const py::gil_scoped_release release;
     return surface.voxels();
@@ -44,7 +52,8 @@ void define_surface_voxels(py::module_& m) {
   py::class_<SurfaceVoxels>(m, "SurfaceVoxels",
                             R"(Fuses depth images: sums of the measured surface points in voxels.
 
-Sums are taken in the order of the frames and of their pixels. Not thread-safe.
+Sums are taken in the order of the frames and of their pixels. RuntimeError is raised where another
+thread uses the object.
 
 Args:
     edge_m: Edge of the voxels, whose corners are multiples of it, m.

@@ -2,12 +2,14 @@
 #include <pybind11/typing.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "arrays.hpp"
+#include "exclusive_use.hpp"
 #include "gslts/optim/adam.hpp"
 
 namespace gslts::python {
@@ -17,6 +19,7 @@ using optim::Adam;
 using optim::AdamOptions;
 using optim::AdamRates;
 using optim::AdamState;
+using optim::kAdamGroups;
 using raster::GradientsView;
 
 template <typename T>
@@ -39,7 +42,8 @@ Array<T> copy_of(const py::array& array, const char* name, const std::vector<py:
   return Array<T>(data, data + array.size());
 }
 
-/// `Adam` with the map that it moves, whose numbers numpy sees without a copy.
+/// `Adam` with the map that it moves, whose numbers numpy sees without a copy. It works without the
+/// GIL, so it rejects a second thread.
 template <typename T>
 class NumpyAdam {
  public:
@@ -52,7 +56,7 @@ class NumpyAdam {
         adam_(AdamState<T>{map_.sh_bases, map_.feature_dims,
                            copy_of<T>(first, "first", {rows(), kAnyLength}),
                            copy_of<T>(second, "second", {rows(), kAnyLength}),
-                           copy_of<std::uint32_t>(steps, "steps", {rows()})},
+                           copy_of<std::uint32_t>(steps, "steps", {rows(), kAdamGroups})},
               options) {}
 
   /// The arrays of the map, which stay alive as long as one of them does.
@@ -76,6 +80,7 @@ class NumpyAdam {
             const py::array& dL_dlog_scales, const py::array& dL_dlogit_opacities,
             const py::array& dL_dsh, const py::array& dL_dfeatures, const AdamRates& rates,
             int threads) {
+    const ExclusiveUse use(in_use_, "Adam");
     GradientsView<T> gradients;
     gradients.rows = require_array<std::uint32_t>(gradient_rows, "rows", {kAnyLength});
     const py::ssize_t n = gradient_rows.shape(0), bases = map_.sh_bases, dims = map_.feature_dims;
@@ -95,9 +100,13 @@ class NumpyAdam {
 
   using State = py::typing::Tuple<py::array_t<T>, py::array_t<T>, py::array_t<std::uint32_t>>;
 
-  State state() const { return to_tuple(adam_.state()); }
+  State state() {
+    const ExclusiveUse use(in_use_, "Adam");
+    return to_tuple(adam_.state());
+  }
 
-  State select(const py::array& selected) const {
+  State select(const py::array& selected) {
+    const ExclusiveUse use(in_use_, "Adam");
     const auto* data = require_array<std::int64_t>(selected, "rows", {kAnyLength});
     return to_tuple(adam_.select({data, data + selected.size()}).state());
   }
@@ -106,15 +115,16 @@ class NumpyAdam {
   py::ssize_t rows() const { return static_cast<py::ssize_t>(map_.size()); }
 
   static State to_tuple(AdamState<T> state) {
-    const auto n = static_cast<py::ssize_t>(state.steps.size());
+    const auto n = static_cast<py::ssize_t>(state.steps.size() / kAdamGroups);
     const py::ssize_t parameters = 11 + 3 * state.sh_bases + state.feature_dims;
     return py::make_tuple(to_numpy(std::move(state.first), {n, parameters}),
                           to_numpy(std::move(state.second), {n, parameters}),
-                          to_numpy(std::move(state.steps), {n}));
+                          to_numpy(std::move(state.steps), {n, kAdamGroups}));
   }
 
   BasicGaussianMap<T> map_;
   Adam<T> adam_;
+  bool in_use_ = false;
 };
 
 template <typename T>
@@ -157,11 +167,16 @@ Args:
            py::arg("eps") = options.eps)
       .def_readonly("beta1", &AdamOptions::beta1, "Decay of the first moment.")
       .def_readonly("beta2", &AdamOptions::beta2, "Decay of the second moment.")
-      .def_readonly("eps", &AdamOptions::eps, "Added to the root of the second moment.");
+      .def_readonly("eps", &AdamOptions::eps, "Added to the root of the second moment.")
+      .def(py::pickle([](const AdamOptions& o) { return py::make_tuple(o.beta1, o.beta2, o.eps); },
+                      [](const py::tuple& state) {
+                        return AdamOptions{state[0].cast<double>(), state[1].cast<double>(),
+                                           state[2].cast<double>()};
+                      }));
 
   py::class_<AdamRates>(m, "AdamRates", R"(Learning rates by group of parameters; immutable.
 
-A group with rate 0 and its moments stay unchanged.
+A group with rate 0, its moments and its number of steps stay unchanged.
 
 Args:
     means: Centres, m.
@@ -184,7 +199,16 @@ Args:
       .def_readonly("logit_opacities", &AdamRates::logit_opacities, "Logits of the opacities.")
       .def_readonly("sh_dc", &AdamRates::sh_dc, "SH coefficients of degree 0.")
       .def_readonly("sh_rest", &AdamRates::sh_rest, "All other SH coefficients.")
-      .def_readonly("features", &AdamRates::features, "Semantic features.");
+      .def_readonly("features", &AdamRates::features, "Semantic features.")
+      .def(py::pickle(
+          [](const AdamRates& r) {
+            return py::make_tuple(r.means, r.quats, r.log_scales, r.logit_opacities, r.sh_dc,
+                                  r.sh_rest, r.features);
+          },
+          [](const py::tuple& state) {
+            const auto r = state.cast<std::array<double, kAdamGroups>>();
+            return AdamRates{r[0], r[1], r[2], r[3], r[4], r[5], r[6]};
+          }));
 
   define_optimizer<float>(m, "AdamFloat");
   define_optimizer<double>(m, "AdamDouble");

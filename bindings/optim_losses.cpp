@@ -115,9 +115,14 @@ Args:
       .def(
           "__eq__", [](const Exposure& a, const Exposure& b) { return fields(a).equal(fields(b)); },
           py::is_operator(), py::arg("other"))
-      .def("__repr__", [](const Exposure& e) {
-        return py::str("Exposure(gain={}, offset={})").format(*fields(e));
-      });
+      .def("__repr__",
+           [](const Exposure& e) {
+             return py::str("Exposure(gain={}, offset={})").format(*fields(e));
+           })
+      .def(py::pickle(&fields, [](const py::tuple& state) {
+        using Channels = std::array<double, 3>;
+        return Exposure{state[0].cast<Channels>(), state[1].cast<Channels>()};
+      }));
   define_precision<float>(m, "_float");
   define_precision<double>(m, "_double");
 }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
+#include "exclusive_use.hpp"
 #include "gslts/raster/chunks_in_view.hpp"
 #include "gslts/raster/rasterizer.hpp"
 
@@ -39,7 +40,7 @@ class NumpyRasterizer {
  public:
   Arrays forward(const GaussianView<T>& gaussians, const Camera& camera,
                  const RenderOptions& options, const OptionalArray& mask) {
-    const Use use(*this);
+    const ExclusiveUse use(in_use_, "Rasterizer");
     const PixelMask pixels = pixel_mask_of(mask, camera.width, camera.height);
     image_size_.reset();
     Images<T> images = [&] {
@@ -60,7 +61,7 @@ class NumpyRasterizer {
   Arrays backward(const GaussianView<T>& gaussians, const OptionalArray& dL_drgb,
                   const OptionalArray& dL_ddepth, const OptionalArray& dL_dalpha,
                   const OptionalArray& dL_dfeatures, bool statistics) {
-    const Use use(*this);
+    const ExclusiveUse use(in_use_, "Rasterizer");
     if (!image_size_) throw std::logic_error("Rasterizer.backward: there was no forward");
     const auto [height, width, dims] = *image_size_;
     ImageGradients<T> images;
@@ -94,7 +95,7 @@ class NumpyRasterizer {
 
   py::typing::Tuple<py::array_t<std::uint32_t>, py::array_t<T>, py::array_t<T>> lift(
       const GaussianView<T>& gaussians, const py::array& features) {
-    const Use use(*this);
+    const ExclusiveUse use(in_use_, "Rasterizer");
     if (!image_size_) throw std::logic_error("Rasterizer.lift: there was no forward");
     const T* data = require_array<T>(features, "features",
                                      {image_size_->height, image_size_->width, kAnyLength});
@@ -112,20 +113,6 @@ class NumpyRasterizer {
  private:
   struct ImageSize {
     py::ssize_t height, width, feature_dims;
-  };
-
-  /// Marks the rasterizer as used for its lifetime; made and destroyed with the GIL held.
-  struct Use {
-    explicit Use(NumpyRasterizer& rasterizer) : in_use(rasterizer.in_use_) {
-      if (in_use) {
-        throw std::runtime_error("Rasterizer: in use by another thread; each thread needs its own");
-      }
-      in_use = true;
-    }
-    ~Use() { in_use = false; }
-    Use(const Use&) = delete;
-    Use& operator=(const Use&) = delete;
-    bool& in_use;
   };
 
   Rasterizer<T> rasterizer_;

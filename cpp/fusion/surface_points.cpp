@@ -84,7 +84,8 @@ class Unprojection {
     if (!(length > 0)) return std::nullopt;
     const double per_pixel = 1.0 / (2 * int(step_));
     const double across = brightness(row, column + 1) - brightness(row, column - 1);
-    const double along = brightness(row + 1, column) - brightness(row - 1, column);
+    const double along = (brightness(row + 1, column) - brightness(row - 1, column)) *
+                         (camera_.fy / camera_.fx);  // As if pixels were square.
     const double per_m = per_pixel * camera_.fx / z;
     const std::uint8_t* color = rgb_at(row, column);
     return SurfacePoint{

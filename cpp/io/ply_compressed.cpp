@@ -144,7 +144,7 @@ CompressedReader::CompressedReader(const Header& header, const Element& vertex, 
   prepare_harmonics();
   const std::size_t bases = 1 + harmonics_offsets_.size() / 3;
   map_ = make_gaussian_map<float>(static_cast<std::size_t>(vertex.rows), static_cast<int>(bases));
-  map_.origin = header.origin;
+  map_.origin = header.origin.value_or(Eigen::Vector3d::Zero());
 }
 
 const Element* CompressedReader::find(const std::string& name) const {

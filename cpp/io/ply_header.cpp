@@ -56,7 +56,7 @@ class HeaderParser {
     if (!format_) fail("the header has no format");
     input_.skip(available - rest_.size());
     require_rows_fit();
-    return {*format_, std::move(elements_), origin_.value_or(Eigen::Vector3d::Zero())};
+    return {*format_, std::move(elements_), origin_};
   }
 
  private:

@@ -36,7 +36,7 @@ struct Element {
 struct Header {
   Format format;
   std::vector<Element> elements;
-  Eigen::Vector3d origin;  ///< Origin from the comment `gslts origin`; zero without it.
+  std::optional<Eigen::Vector3d> origin;  ///< Origin from the comment `gslts origin`.
 };
 
 /// Reads the header and leaves the input at the first byte after it. Names are printable ASCII and

@@ -60,6 +60,7 @@ class MapBuilder {
   int sh_bases() const;
   Source take(const std::string& name);
   void take_colors();
+  void move_origin();
   void resolve_not_finite(const PackedRows& rows);
 
   const Input& input_;
@@ -71,6 +72,7 @@ class MapBuilder {
   std::vector<Source> id_sources_;        // None, or of the low and the high half.
   GaussianMap map_;
   std::vector<Column<float>> columns_;
+  Array<double> centers_;    // [N,3] in double of a file without an origin; none otherwise.
   bool has_colors_ = false;  // Instead of coefficients of degree 0.
   std::size_t rows_ = 0;     // Added so far.
 };
@@ -101,7 +103,11 @@ MapBuilder::MapBuilder(const Element& vertex, const Header& header, const Input&
   }
   for (const char* normal : {"nx", "ny", "nz"}) unused_.erase(normal);
   map_ = make_gaussian_map<float>(static_cast<std::size_t>(vertex.rows), bases, feature_dims);
-  map_.origin = header.origin;
+  map_.origin = header.origin.value_or(Eigen::Vector3d::Zero());
+  const auto is_double = [](const Source& s) { return s.property->type == Scalar::kFloat64; };
+  if (!header.origin && std::all_of(sources_.begin(), sources_.begin() + 3, is_double)) {
+    centers_.resize(map_.means.size());
+  }
   columns_ = columns_of<float>(map_);
 }
 
@@ -170,6 +176,12 @@ void MapBuilder::add(const PackedRows& rows) {
     });
   }
   if (!finite) resolve_not_finite(rows);
+  if (!centers_.empty()) {
+    for (std::size_t i = 0; i < 3 * rows.count; ++i) {
+      const char* const from = rows.first + i / 3 * row_bytes_ + sources_[i % 3].offset;
+      centers_[3 * rows_ + i] = load<double>(from, big_endian_);
+    }
+  }
   if (has_colors_) {
     for (std::size_t i = 0; i < 3 * rows.count; ++i) {
       float& value = map_.sh[3 * rows_ + i];
@@ -211,7 +223,26 @@ void MapBuilder::resolve_not_finite(const PackedRows& rows) {
   }
 }
 
+/// Moves the origin to whole metres among centres that float would round, as those of surveys. The
+/// median is there whatever outliers a map has.
+void MapBuilder::move_origin() {
+  Eigen::Vector3d median;
+  std::vector<double> axis(map_.size());
+  for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t i = 0; i < axis.size(); ++i) axis[i] = centers_[3 * i + k];
+    const auto middle = axis.begin() + axis.size() / 2;
+    std::nth_element(axis.begin(), middle, axis.end());
+    median(Eigen::Index(k)) = std::clamp(std::round(*middle), -kMaxOrigin, kMaxOrigin);
+  }
+  if (median.cwiseAbs().maxCoeff() < kMinOrigin) return;
+  map_.origin = median;
+  for (std::size_t i = 0; i < centers_.size(); ++i) {
+    map_.means[i] = static_cast<float>(centers_[i] - median(Eigen::Index(i % 3)));
+  }
+}
+
 PlyContents MapBuilder::finish() {
+  if (!centers_.empty()) move_origin();
   if (const auto id = repeated_id(map_.ids.data(), map_.size())) {
     input_.fail("ids: " + std::to_string(*id) + " occurs more than once");
   }

@@ -13,6 +13,13 @@ constexpr float kOpaqueLogit = 20;
 /// denormal. Other programs store minus infinity.
 constexpr float kFlatLogScale = -30;
 
+/// Minimum distance of centres in double from the origin, along an axis, at which the origin is
+/// moved: float rounds them by 0.1 mm there.
+constexpr double kMinOrigin = 2048;
+
+/// Maximum coordinate of such an origin: centres relative to it are floats, whatever they are.
+constexpr double kMaxOrigin = 1e12;
+
 /// Value of the constant spherical harmonic.
 constexpr double kSh0 = 0.28209479177387814;
 

@@ -32,17 +32,49 @@ void validate(const AdamOptions& options) {
   fail(message.str());
 }
 
+/// @param name  Of the numbers in messages, after "Adam".
 template <typename T>
-void require_finite(const char* name, const T* gradient, std::size_t count) {
+void require_finite(const char* name, const T* values, std::size_t count) {
   T sum = 0;
-  for (std::size_t i = 0; i < count; ++i) sum += gradient[i] * T(0);
+  for (std::size_t i = 0; i < count; ++i) sum += values[i] * T(0);
   if (sum == 0) return;
   const T* bad =
-      std::find_if_not(gradient, gradient + count, [](T value) { return std::isfinite(value); });
+      std::find_if_not(values, values + count, [](T value) { return std::isfinite(value); });
   std::ostringstream message;
-  message << "::step: " << name << " has " << *bad << " at " << bad - gradient
-          << ", must be finite";
+  message << name << " has " << *bad << " at " << bad - values << ", must be finite";
   fail(message.str());
+}
+
+/// @param rule  Which numbers of the array `name` are good, in words and as a function.
+template <typename T, typename Good>
+void require_all(const Array<T>& values, const char* name, const std::string& rule, Good good) {
+  const auto bad = std::find_if_not(values.begin(), values.end(), good);
+  if (bad == values.end()) return;
+  std::ostringstream message;
+  message << ": " << name << " must " << rule << ", got " << *bad << " at " << bad - values.begin();
+  fail(message.str());
+}
+
+template <typename T>
+void require_state(const AdamState<T>& state) {
+  const std::size_t size = state.steps.size() / kAdamGroups;
+  const std::size_t numbers = size * parameter_count(state.sh_bases, state.feature_dims);
+  std::ostringstream message;
+  if (state.steps.size() % kAdamGroups != 0) {
+    message << ": steps must hold " << kAdamGroups << " numbers a Gaussian, got "
+            << state.steps.size();
+    fail(message.str());
+  }
+  if (state.first.size() != numbers || state.second.size() != numbers) {
+    message << ": " << size << " Gaussians need " << numbers << " first and second moments, got "
+            << state.first.size() << " and " << state.second.size();
+    fail(message.str());
+  }
+  require_finite(": first", state.first.data(), numbers);
+  require_finite(": second", state.second.data(), numbers);
+  require_all(state.second, "second", "not be negative", [](T value) { return value >= 0; });
+  require_all(state.steps, "steps", "be at most " + std::to_string(kMaxAdamSteps),
+              [](std::uint32_t steps) { return steps <= kMaxAdamSteps; });
 }
 
 /// Columns of a group of parameters with one learning rate.
@@ -56,7 +88,7 @@ struct Group {
 };
 
 template <typename T>
-using Groups = std::array<Group<T>, 7>;
+using Groups = std::array<Group<T>, kAdamGroups>;
 
 template <typename T>
 Groups<T> groups_of(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
@@ -80,9 +112,10 @@ void require_layout(const AdamState<T>& state, const BasicGaussianMap<T>& map,
                     const raster::GradientsView<T>& gradients) {
   std::ostringstream message;
   message << "::step: the state is of ";
-  if (map.size() != state.steps.size() || map.sh_bases != state.sh_bases ||
+  const std::size_t size = state.steps.size() / kAdamGroups;
+  if (map.size() != size || map.sh_bases != state.sh_bases ||
       map.feature_dims != state.feature_dims) {
-    message << state.steps.size() << " Gaussians with " << state.sh_bases << " SH bases and "
+    message << size << " Gaussians with " << state.sh_bases << " SH bases and "
             << state.feature_dims << " features, map has " << map.size() << " with " << map.sh_bases
             << " and " << map.feature_dims;
     fail(message.str());
@@ -118,12 +151,13 @@ void require_rates(const AdamRates& rates) {
 template <typename T>
 void require_finite_gradients(const raster::GradientsView<T>& gradients) {
   const std::size_t n = gradients.size;
-  require_finite("dL_dmeans", gradients.dL_dmeans, 3 * n);
-  require_finite("dL_dquats", gradients.dL_dquats, 4 * n);
-  require_finite("dL_dlog_scales", gradients.dL_dlog_scales, 3 * n);
-  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities, n);
-  require_finite("dL_dsh", gradients.dL_dsh, 3 * std::size_t(gradients.sh_bases) * n);
-  require_finite("dL_dfeatures", gradients.dL_dfeatures, std::size_t(gradients.feature_dims) * n);
+  require_finite("::step: dL_dmeans", gradients.dL_dmeans, 3 * n);
+  require_finite("::step: dL_dquats", gradients.dL_dquats, 4 * n);
+  require_finite("::step: dL_dlog_scales", gradients.dL_dlog_scales, 3 * n);
+  require_finite("::step: dL_dlogit_opacities", gradients.dL_dlogit_opacities, n);
+  require_finite("::step: dL_dsh", gradients.dL_dsh, 3 * std::size_t(gradients.sh_bases) * n);
+  require_finite("::step: dL_dfeatures", gradients.dL_dfeatures,
+                 std::size_t(gradients.feature_dims) * n);
 }
 
 }  // namespace
@@ -139,7 +173,7 @@ Adam<T>::Adam(std::size_t size, int sh_bases, int feature_dims, const AdamOption
   const std::size_t numbers = size * parameter_count(sh_bases, feature_dims);
   state_.first.assign(numbers, T(0));
   state_.second.assign(numbers, T(0));
-  state_.steps.assign(size, 0);
+  state_.steps.assign(size * kAdamGroups, 0);
 }
 
 template <typename T>
@@ -147,14 +181,7 @@ Adam<T>::Adam(AdamState<T> state, const AdamOptions& options)
     : options_(options), state_(std::move(state)) {
   validate(options);
   make_gaussian_map<T>(0, state_.sh_bases, state_.feature_dims);
-  const std::size_t numbers =
-      state_.steps.size() * parameter_count(state_.sh_bases, state_.feature_dims);
-  if (state_.first.size() == numbers && state_.second.size() == numbers) return;
-  std::ostringstream message;
-  message << ": " << state_.steps.size() << " Gaussians need " << numbers
-          << " first and second moments, got " << state_.first.size() << " and "
-          << state_.second.size();
-  fail(message.str());
+  require_state(state_);
 }
 
 template <typename T>
@@ -171,16 +198,17 @@ template <typename T>
 void Adam<T>::step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
                    const AdamRates& rates, int threads) {
   require_layout(state_, map, gradients);
-  require_rows(gradients, state_.steps.size());
+  require_rows(gradients, map.size());
   require_rates(rates);
   require_finite_gradients(gradients);
 
   const std::size_t visible = gradients.size;
   std::uint32_t max_steps = 0;
   for (std::size_t i = 0; i < visible; ++i) {
-    max_steps = std::max(max_steps, state_.steps[gradients.rows[i]] + 1);
+    const auto steps = state_.steps.begin() + gradients.rows[i] * kAdamGroups;
+    max_steps = std::max(max_steps, *std::max_element(steps, steps + kAdamGroups));
   }
-  extend_corrections(max_steps);
+  extend_corrections(std::min(max_steps + 1, kMaxAdamSteps));
   const Groups<T> groups = groups_of(map, gradients, rates);
   const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
   const T beta1 = T(options_.beta1), beta2 = T(options_.beta2), eps = T(options_.eps);
@@ -189,9 +217,12 @@ void Adam<T>::step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gra
     const std::size_t end = std::min(visible, (task + 1) * kRowsPerTask);
     for (std::size_t i = task * kRowsPerTask; i < end; ++i) {
       const std::size_t row = gradients.rows[i];
-      const Correction& unbiased = corrections_[++state_.steps[row]];
+      std::uint32_t* steps = state_.steps.data() + row * kAdamGroups;
       for (const Group<T>& group : groups) {
+        std::uint32_t& step = *steps++;
         if (group.rate == 0) continue;
+        step = std::min(step + 1, kMaxAdamSteps);
+        const Correction unbiased = corrections_[step];
         T* first = state_.first.data() + row * parameters + group.first_moment;
         T* second = state_.second.data() + row * parameters + group.first_moment;
         T* value = group.values + row * group.stride;
@@ -214,18 +245,20 @@ template <typename T>
 Adam<T> Adam<T>::select(const std::vector<std::int64_t>& rows) const {
   Adam result(rows.size(), state_.sh_bases, state_.feature_dims, options_);
   const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
+  const std::size_t size = state_.steps.size() / kAdamGroups;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (rows[i] == -1) continue;
-    if (rows[i] < 0 || std::size_t(rows[i]) >= state_.steps.size()) {
+    if (rows[i] < 0 || std::size_t(rows[i]) >= size) {
       std::ostringstream message;
-      message << "::select: rows[" << i << "] is " << rows[i] << ", must be -1 or below "
-              << state_.steps.size();
+      message << "::select: rows[" << i << "] is " << rows[i] << ", must be -1 or below " << size;
       fail(message.str());
     }
-    const std::size_t from = std::size_t(rows[i]) * parameters, to = i * parameters;
-    std::copy_n(state_.first.begin() + from, parameters, result.state_.first.begin() + to);
-    std::copy_n(state_.second.begin() + from, parameters, result.state_.second.begin() + to);
-    result.state_.steps[i] = state_.steps[std::size_t(rows[i])];
+    const auto copy = [&, from = std::size_t(rows[i])](auto& array, auto& to, std::size_t columns) {
+      std::copy_n(array.begin() + from * columns, columns, to.begin() + i * columns);
+    };
+    copy(state_.first, result.state_.first, parameters);
+    copy(state_.second, result.state_.second, parameters);
+    copy(state_.steps, result.state_.steps, kAdamGroups);
   }
   return result;
 }

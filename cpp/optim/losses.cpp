@@ -223,6 +223,10 @@ void reject_depth(const char* function, const T* depth, int width, int height,
   });
 }
 
+/// Minimum depth that counts as measured: relative differences of rendered depths up to 1e8 m stay
+/// finite in float. It is far below any depth in metres.
+constexpr double kMinMeasured = 1e-30;
+
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
                         const PixelMask& mask, bool relative, int threads) {
@@ -254,7 +258,8 @@ DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
         const std::size_t pixel = std::size_t(y) * width + x;
         const T rendered = depth[pixel], measured = target[pixel];
         const int is_wanted = mask.pixel(x, y);
-        const int counts = is_wanted & (rendered > 0) & (measured > 0) & (measured <= greatest);
+        const int counts =
+            is_wanted & (rendered > 0) & (measured >= T(kMinMeasured)) & (measured <= greatest);
         const T difference = counts ? rendered - measured : T(0);
         const T scale = relative && counts ? 1 / measured : T(1);
         absolute += double(std::abs(difference) * scale);

@@ -21,19 +21,22 @@ void require(bool ok, const char* name, const char* rule, Value value) {
   throw std::invalid_argument(message.str());
 }
 
+/// @tparam T  Type in which the kernels use the options.
+template <typename T>
 void validate(const RenderOptions& options) {
-  for (double value : options.background) {
-    require(std::isfinite(value), "background", "finite", value);
-  }
-  require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive",
-          options.near_m);
+  const auto require_finite = [](double used, const char* name, double value) {
+    require(std::isfinite(T(used)), name, sizeof(T) == 4 ? "finite in float32" : "finite", value);
+  };
+  for (double value : options.background) require_finite(value, "background", value);
+  require(options.near_m > 0, "near_m", "positive", options.near_m);
+  require_finite(options.near_m, "near_m", options.near_m);
   require(options.far_m > options.near_m, "far_m", "greater than near_m", options.far_m);
-  require(options.near_sigmas >= 0 && std::isfinite(options.near_sigmas), "near_sigmas",
-          "at least 0", options.near_sigmas);
+  require(options.near_sigmas >= 0, "near_sigmas", "at least 0", options.near_sigmas);
+  require_finite(options.near_sigmas * options.near_sigmas, "near_sigmas", options.near_sigmas);
   require(options.sh_degree >= 0 && options.sh_degree <= 3, "sh_degree", "0, 1, 2 or 3",
           options.sh_degree);
-  require(options.eps2d_px2 >= 0 && std::isfinite(options.eps2d_px2), "eps2d_px2", "at least 0",
-          options.eps2d_px2);
+  require(options.eps2d_px2 >= 0, "eps2d_px2", "at least 0", options.eps2d_px2);
+  require_finite(options.eps2d_px2, "eps2d_px2", options.eps2d_px2);
   require(options.alpha_min >= 1e-30 && options.alpha_min < kMaxAlpha, "alpha_min",
           "in [1e-30, 0.99)", options.alpha_min);
   require(options.exp_degree == 3 || options.exp_degree == 5, "exp_degree", "3 or 5",
@@ -104,7 +107,8 @@ void set_options(const RenderOptions& options, RenderSetup<T>& setup) {
   setup.eps2d_px2 = T(options.eps2d_px2);
   setup.alpha_min = T(options.alpha_min);
   setup.log2_alpha_min = T(log2_of(options.alpha_min));
-  setup.transmittance_min = T(options.transmittance_min);
+  // Positive: the negative transmittance of a pixel that is not wanted may underflow to -0.
+  setup.transmittance_min = std::max(T(options.transmittance_min), std::numeric_limits<T>::min());
   setup.antialias = options.antialias;
   setup.surface_depth = options.surface_depth;
   setup.exp_degree = options.exp_degree;
@@ -121,7 +125,7 @@ template <typename T>
 RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera,
                           const RenderOptions& options) {
   gslts::validate(camera, "Rasterizer::forward");
-  validate(options);
+  validate<T>(options);
   RenderSetup<T> setup;
   set_pose(camera, gaussians.origin, setup);
   set_projection(camera, setup);

@@ -114,8 +114,8 @@ TEST(SurfaceVoxels, SumsOfAWall) {
   EXPECT_NEAR(sums[3] / 9, 2, 1e-12);
   EXPECT_TRUE(sums.segment<3>(4).isApprox(Eigen::Vector3d(0, 0, -9), 1e-12));
   EXPECT_TRUE((sums.segment<3>(7) / 9).isApprox(Eigen::Vector3d(40, 7, 16) / 255, 1e-12));
-  // Each pixel is 2 m / 100 px wide.
-  const double per_m = std::hypot(10, 4) / 3 / 255 * 100 / 2;
+  // Each pixel is 2 m / 100 px wide and 2 m / 50 px high.
+  const double per_m = std::hypot(10 * 100, 4 * 50) / 3 / 255 / 2;
   EXPECT_NEAR(sums[10] / 9, per_m * per_m, 1e-12);
 }
 

@@ -149,5 +149,29 @@ TEST(Ply, ReadsTheOrigin) {
             "a.ply: header line 4: second origin");
 }
 
+/// A map of a survey: UTM coordinates in double, and an outlier.
+TEST(Ply, CentresFarOutInDoubleKeepTheirMillimetres) {
+  std::string text = kText;
+  for (const char* axis : {"x", "y", "z"}) {
+    text = replace(text, std::string("property float ") + axis,
+                   std::string("property double ") + axis);
+  }
+  text = replace(text, "vertex 2", "vertex 3");
+  text = replace(text, "1 2 3", "0 0 0 1 1 1 1 1 1 1 1 1 1 1\n500000.001 5400000.004 -2");
+  text = replace(text, "-1 -2 -3", "500000.506 5400000.009 -2.25");
+  const GaussianMap map = parse_ply(text, "a.ply").map;
+  EXPECT_EQ(map.origin, Eigen::Vector3d(500000, 5400000, -2));
+  const double expected[] = {-500000, -5400000, 2, 0.001, 0.004, 0, 0.506, 0.009, -0.25};
+  for (int i = 0; i < 9; ++i) EXPECT_NEAR(map.means[std::size_t(i)], expected[i], 1e-6) << i;
+  // What float holds to 0.1 mm, and our own files, stay as they are.
+  const std::string near = replace(replace(text, "500000.001 5400000.004", "500.001 -2047"),
+                                   "500000.506 5400000.009", "600 1");
+  EXPECT_EQ(parse_ply(near, "a.ply").map.origin, Eigen::Vector3d::Zero());
+  EXPECT_EQ(parse_ply(near, "a.ply").map.means[3], 500.001f);
+  const std::string ours = replace(text, "element", "comment gslts origin 0 0 0\nelement");
+  EXPECT_EQ(parse_ply(ours, "a.ply").map.origin, Eigen::Vector3d::Zero());
+  EXPECT_EQ(parse_ply(ours, "a.ply").map.means[3], 500000.001f);
+}
+
 }  // namespace
 }  // namespace gslts::io

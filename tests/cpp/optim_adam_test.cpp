@@ -59,6 +59,15 @@ std::vector<std::uint32_t> all_rows(std::size_t size) {
   return rows;
 }
 
+/// Steps that the mean of each Gaussian took.
+template <typename T>
+std::vector<std::uint32_t> means_steps(const Adam<T>& adam) {
+  std::vector<std::uint32_t> result;
+  const auto& steps = adam.state().steps;
+  for (std::size_t i = 0; i < steps.size(); i += kAdamGroups) result.push_back(steps[i]);
+  return result;
+}
+
 /// Algorithm 1 of Kingma & Ba for one number.
 struct ScalarAdam {
   double value, first = 0, second = 0;
@@ -119,7 +128,7 @@ TYPED_TEST(AdamTest, EveryParameterFollowsTheDefinition) {
       EXPECT_NEAR((*found[a])[k], expected[a][k].value, TestFixture::kTolerance) << a << " " << k;
     }
   }
-  EXPECT_THAT(adam.state().steps, ::testing::ElementsAre(20, 20, 20, 10, 20));
+  EXPECT_THAT(means_steps(adam), ::testing::ElementsAre(20, 20, 20, 10, 20));
 }
 
 TYPED_TEST(AdamTest, GaussiansNotSeenStayBitForBit) {
@@ -132,7 +141,7 @@ TYPED_TEST(AdamTest, GaussiansNotSeenStayBitForBit) {
       EXPECT_EQ(map.means[3 * row + k], before.means[3 * row + k]);
       EXPECT_EQ(map.sh[3 * kBases * row + k], before.sh[3 * kBases * row + k]);
     }
-    EXPECT_EQ(adam.state().steps[row], 0u);
+    EXPECT_EQ(means_steps(adam)[row], 0u);
   }
   EXPECT_NE(map.means[3], before.means[3]);
 }
@@ -147,6 +156,38 @@ TYPED_TEST(AdamTest, AGroupWithoutARateStays) {
   EXPECT_EQ(map.means, before.means);
   EXPECT_EQ(map.sh[0], before.sh[0]);
   EXPECT_NE(map.sh[3], before.sh[3]);
+}
+
+TYPED_TEST(AdamTest, AGroupThatIsFreedMovesAsInANewAdam) {
+  auto map = random_map<TypeParam>(2);
+  Adam<TypeParam> adam(2, kBases, kDims), fresh(2, kBases, kDims);
+  AdamRates others = kRates;
+  others.means = others.sh_rest = 0;
+  const auto step = [](auto& optimizer, auto& on, std::uint32_t seed, const AdamRates& rates) {
+    optimizer.step(on, random_gradients<TypeParam>(all_rows(2), seed).view(), rates);
+  };
+  for (std::uint32_t i = 0; i < 200; ++i) step(adam, map, i, others);
+  auto copy = map;
+  for (std::uint32_t i = 200; i < 205; ++i) {
+    step(adam, map, i, kRates);
+    step(fresh, copy, i, kRates);
+  }
+  EXPECT_EQ(map.means, copy.means);
+  EXPECT_EQ(map.sh[3], copy.sh[3]);
+  EXPECT_NE(map.sh[0], copy.sh[0]);
+}
+
+TYPED_TEST(AdamTest, StepsAreCountedToALimit) {
+  auto map = random_map<TypeParam>(1);
+  Adam<TypeParam> adam(1, kBases, kDims);
+  auto state = adam.state();
+  state.steps.assign(kAdamGroups, kMaxAdamSteps - 1);
+  Adam<TypeParam> late(state);
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    late.step(map, random_gradients<TypeParam>({0}, i).view(), kRates);
+    EXPECT_THAT(late.state().steps, ::testing::Each(kMaxAdamSteps));
+  }
+  for (TypeParam mean : map.means) EXPECT_TRUE(std::isfinite(mean));
 }
 
 TYPED_TEST(AdamTest, GoesOnFromItsStateExactly) {
@@ -172,7 +213,7 @@ TYPED_TEST(AdamTest, SelectTakesTheMomentsAlong) {
   Adam<TypeParam> adam(3, kBases, kDims);
   adam.step(map, random_gradients<TypeParam>({0, 2}, 1).view(), kRates);
   const Adam<TypeParam> selected = adam.select({2, -1, 0, 2});
-  EXPECT_THAT(selected.state().steps, ::testing::ElementsAre(1, 0, 1, 1));
+  EXPECT_THAT(means_steps(selected), ::testing::ElementsAre(1, 0, 1, 1));
   constexpr std::size_t kParameters = 11 + 3 * kBases + kDims;
   for (std::size_t k = 0; k < kParameters; ++k) {
     EXPECT_EQ(selected.state().first[k], adam.state().first[2 * kParameters + k]);
@@ -253,6 +294,18 @@ TYPED_TEST(AdamTest, NamesWhatIsWrongAndChangesNothing) {
   auto state = adam.state();
   state.second.pop_back();
   expect_error([&] { Adam<TypeParam>{state}; }, "3 Gaussians need 75 first and second moments");
+  const auto error_with = [&](auto change, const std::string& text) {
+    auto changed = adam.state();
+    change(changed);
+    expect_error([&] { Adam<TypeParam>{changed}; }, text);
+  };
+  const TypeParam nan = std::numeric_limits<TypeParam>::quiet_NaN();
+  error_with([&](auto& s) { s.first[4] = nan; }, "Adam: first has nan at 4, must be finite");
+  error_with([&](auto& s) { s.second[7] = 1 / TypeParam(0); }, "Adam: second has inf at 7");
+  error_with([](auto& s) { s.second[2] = -1; }, "Adam: second must not be negative, got -1 at 2");
+  error_with([](auto& s) { s.steps[5] = kMaxAdamSteps + 1; },
+             "Adam: steps must be at most 1048576, got 1048577 at 5");
+  error_with([](auto& s) { s.steps.pop_back(); }, "steps must hold 7 numbers a Gaussian, got 20");
 }
 
 }  // namespace

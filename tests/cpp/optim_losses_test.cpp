@@ -281,6 +281,17 @@ TYPED_TEST(ImageLosses, DepthCountsWhatWasMeasuredAndRendered) {
   EXPECT_THAT(loss.dL_ddepth, ::testing::ElementsAre(TypeParam(0.5), 0, 0, 0, TypeParam(-0.5), 0));
 }
 
+TYPED_TEST(ImageLosses, ATinyDepthIsNoMeasurement) {
+  const TypeParam depth[] = {1, 1, 1};
+  const TypeParam target[] = {std::numeric_limits<TypeParam>::denorm_min(), TypeParam(1e-38), 2};
+  for (bool relative : {false, true}) {
+    const auto loss = depth_loss(depth, target, 3, 1, {}, relative);
+    EXPECT_EQ(loss.count, 1u);
+    EXPECT_DOUBLE_EQ(loss.value, relative ? 0.5 : 1.0);
+    EXPECT_THAT(loss.dL_ddepth, ::testing::ElementsAre(0, 0, TypeParam(-loss.value)));
+  }
+}
+
 TYPED_TEST(ImageLosses, NameWhatIsWrong) {
   const auto expect_error = [](auto call, const std::string& text) {
     try {

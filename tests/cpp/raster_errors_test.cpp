@@ -132,6 +132,27 @@ TYPED_TEST(RasterErrors, OptionsOutOfRangeAreNamed) {
             "nothing was thrown");
 }
 
+TEST(RasterErrorsFloat, OptionsBeyondFloatAreNamed) {
+  const Camera camera = tilted_camera(20, 10);
+  const auto map = random_scene(1, camera, {});
+  const auto expect_error = [&](auto change, const std::string& text) {
+    RenderOptions options;
+    change(options);
+    const auto forward = [&](const auto& same) {
+      using T = std::decay_t<decltype(same.means[0])>;
+      return error_of<std::invalid_argument>(
+          [&] { Rasterizer<T>().forward(same.view(), camera, options); });
+    };
+    EXPECT_THAT(forward(converted<float>(map)), HasSubstr("options." + text));
+    EXPECT_EQ(forward(map), "nothing was thrown");
+  };
+  expect_error([](auto& o) { o.background[2] = 1e300; },
+               "background must be finite in float32, got 1e+300");
+  expect_error([](auto& o) { o.eps2d_px2 = 1e39; }, "eps2d_px2 must be finite in float32");
+  expect_error([](auto& o) { o.near_m = 1e39, o.far_m = 1e40; }, "near_m must be finite");
+  expect_error([](auto& o) { o.near_sigmas = 1e20; }, "near_sigmas must be finite");
+}
+
 TYPED_TEST(RasterErrors, BadCamerasAreNamed) {
   this->camera_.fx = -3;
   EXPECT_EQ(this->forward_error(),

@@ -11,7 +11,8 @@ class SurfaceVoxels:
     """
     Fuses depth images: sums of the measured surface points in voxels.
     
-    Sums are taken in the order of the frames and of their pixels. Not thread-safe.
+    Sums are taken in the order of the frames and of their pixels. RuntimeError is raised where another
+    thread uses the object.
     
     Args:
         edge_m: Edge of the voxels, whose corners are multiples of it, m.

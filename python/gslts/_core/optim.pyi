@@ -17,7 +17,11 @@ class AdamOptions:
         beta2: Decay of the second moment, in [0, 1).
         eps: Positive; 3DGS's value, as gradients of a mean over pixels are tiny.
     """
+    def __getstate__(self) -> tuple[float, float, float]:
+        ...
     def __init__(self, *, beta1: typing.SupportsFloat | typing.SupportsIndex = 0.9, beta2: typing.SupportsFloat | typing.SupportsIndex = 0.999, eps: typing.SupportsFloat | typing.SupportsIndex = 1e-15) -> None:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def beta1(self) -> float:
@@ -38,7 +42,7 @@ class AdamRates:
     """
     Learning rates by group of parameters; immutable.
     
-    A group with rate 0 and its moments stay unchanged.
+    A group with rate 0, its moments and its number of steps stay unchanged.
     
     Args:
         means: Centres, m.
@@ -49,7 +53,11 @@ class AdamRates:
         sh_rest: All other SH coefficients.
         features: Semantic features.
     """
+    def __getstate__(self) -> tuple[float, float, float, float, float, float, float]:
+        ...
     def __init__(self, *, means: typing.SupportsFloat | typing.SupportsIndex = 0.0, quats: typing.SupportsFloat | typing.SupportsIndex = 0.0, log_scales: typing.SupportsFloat | typing.SupportsIndex = 0.0, logit_opacities: typing.SupportsFloat | typing.SupportsIndex = 0.0, sh_dc: typing.SupportsFloat | typing.SupportsIndex = 0.0, sh_rest: typing.SupportsFloat | typing.SupportsIndex = 0.0, features: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def features(self) -> float:
@@ -151,9 +159,13 @@ class Exposure:
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, other: Exposure) -> bool:
         ...
+    def __getstate__(self) -> tuple:
+        ...
     def __init__(self, *, gain: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], offset: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0]) -> None:
         ...
     def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
         ...
     @property
     def gain(self) -> tuple:

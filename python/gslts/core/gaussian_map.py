@@ -132,6 +132,12 @@ class GaussianMap:
             self._memory.load_all(features=name == "features")
             return _read_only(name, self._memory.arrays[name])
 
+    def __getstate__(self) -> dict[str, NDArray[Any]]:
+        return {name: getattr(self, name) for name in _ARRAYS}  # A copy has all in memory.
+
+    def __setstate__(self, state: dict[str, NDArray[Any]]) -> None:
+        GaussianMap.__init__(self, **state)
+
     def __repr__(self) -> str:
         return (
             f"GaussianMap(size={self.size}, dtype={self.dtype}, sh_degree={self.sh_degree}, "
@@ -335,16 +341,9 @@ class GaussianMap:
         Raises:
             ValueError: The dtype is neither.
         """
-        return GaussianMap(
-            means=self.means.astype(dtype),
-            quats=self.quats.astype(dtype),
-            log_scales=self.log_scales.astype(dtype),
-            logit_opacities=self.logit_opacities.astype(dtype),
-            sh=self.sh.astype(dtype),
-            features=self.features.astype(dtype),
-            ids=self.ids,
-            origin=self.origin,
-        )
+        arrays = {name: getattr(self, name) for name in ROW_ARRAYS}
+        floats = {name: array.astype(dtype) for name, array in arrays.items() if name != "ids"}
+        return GaussianMap(**arrays | floats, origin=self.origin)
 
     def select(self, rows: NDArray[Any]) -> GaussianMap:
         """Return a map of some of the Gaussians, with their ids.

@@ -8,8 +8,9 @@ The element `vertex` has these properties:
 - opacity: `logit_opacities`; scale_0..2: `log_scales`; rot_0..3: `quats`.
 - feature_0..D-1: `features`; id_low, id_high: the halves of `ids`, unless those are 0, 1, ...
 
-The comment `gslts origin X Y Z` holds the map's `origin`, zero without it: other tools show a map
-around its own origin. Axes and units are not converted: a scene from structure from motion is
+The comment `gslts origin X Y Z` holds the map's `origin`. Without it the origin is zero, or the
+median of centres in double that are 2,048 m or more away. Other tools show a map around its own
+origin. Axes and units are not converted: a scene from structure from motion is
 seldom in metres with z up.
 
 Variants of other programs are read, too: fewer or other properties and types, red, green, blue

@@ -19,6 +19,8 @@ _OPTIMIZERS: dict[np.dtype[Any], type[AdamFloat] | type[AdamDouble]] = {
     np.dtype(np.float64): AdamDouble,
 }
 """Optimizer of the core by dtype of the map."""
+_GROUPS = 7
+"""Number of groups of parameters, each with a rate of `AdamRates`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,8 @@ class AdamState:
     Attributes:
         first: [N,P] running means of the gradients, in the dtype of the map.
         second: [N,P] running means of their squares.
-        steps: [N] number of steps that each Gaussian took part in.
+        steps: [N,7] number of steps that each group of parameters took part in, in the order of
+            `AdamRates`, up to 2^20; [N] stands for the same number in all groups.
     """
 
     first: FloatArray
@@ -42,10 +45,11 @@ class AdamState:
 class Adam:
     """Minimizes a loss over the parameters of a map with Adam (Kingma & Ba 2015).
 
-    A step touches only the Gaussians that have a gradient, and corrects the bias of their moments
-    by the number of steps that each took part in, as if each Gaussian had an Adam of its own. With
-    a gradient for all Gaussians this is the usual Adam. Results are bit-identical for any number of
-    threads.
+    A step touches only the Gaussians that have a gradient and the groups of parameters that have a
+    rate, and corrects the bias of their moments by the number of steps that each took part in, as
+    if each group of a Gaussian had an Adam of its own. With a gradient for all Gaussians this is
+    the usual Adam. Results are bit-identical for any number of threads. `step`, `state` and `edit`
+    raise RuntimeError while another thread uses the object.
 
     Args:
         gaussian_map: Initial map; it is copied.
@@ -53,7 +57,9 @@ class Adam:
         state: Moments to continue from exactly; None means those before the first step.
 
     Raises:
-        ValueError: An option is out of range, or the state is not of this map.
+        ValueError: An option is out of range, or the state is not of this map: an array has another
+            shape or dtype, a moment is not finite or a second one is negative, or a number of steps
+            is above 2^20.
     """
 
     def __init__(
@@ -69,11 +75,14 @@ class Adam:
         if state is None:
             self._core = optimizer(view, options=self._options)
         else:
+            steps = state.steps
+            if steps.ndim == 1:
+                steps = np.repeat(steps[:, None], _GROUPS, axis=1)
             self._core = optimizer(
                 view,
                 first=state.first,
                 second=state.second,
-                steps=state.steps,
+                steps=steps,
                 options=self._options,
             )
         self._map = GaussianMap(

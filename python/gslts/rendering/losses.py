@@ -157,8 +157,8 @@ def depth_loss(
 ) -> DepthLoss:
     """Compute the L1 loss of the expected depth.
 
-    A pixel counts if it is inside the mask, measured (target > 0; 0 and NaN mean no measurement)
-    and rendered (depth > 0).
+    A pixel counts if it is inside the mask, measured (target >= 1e-30; less and NaN mean no
+    measurement) and rendered (depth > 0).
 
     Args:
         depth: [H,W] rendered depth, z in the camera frame, m.

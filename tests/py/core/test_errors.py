@@ -1,6 +1,7 @@
 """Wrong input is rejected with the name of the argument, and none of it crashes."""
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import scenes
 
 import gslts
+from gslts._core.fusion import SurfaceVoxels
 
 FLOAT_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
 
@@ -176,24 +178,56 @@ def test_gradients_do_not_fit_a_smaller_map():
         gradients.dense(10)
 
 
-def test_rasterizer_turns_away_a_second_thread():
-    rasterizer = gslts.Rasterizer()
-    gaussians = scenes.random_map(2000, dtype=np.float32)
-    camera = scenes.orbit_camera(400, 300)
+def error_of_two_threads(call: Callable[[], object]) -> str:
+    """Call from two threads until one of the calls is rejected; return its error."""
     errors: list[str] = []
 
-    def render_until_turned_away() -> None:
+    def call_until_rejected() -> None:
         for _ in range(2000):
             if errors:
                 return
             try:
-                rasterizer.forward(gaussians, camera)
+                call()
             except RuntimeError as error:
                 errors.append(str(error))
 
-    threads = [threading.Thread(target=render_until_turned_away) for _ in range(2)]
+    threads = [threading.Thread(target=call_until_rejected) for _ in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert "in use by another thread" in errors[0]
+    return errors[0] if errors else "no error"
+
+
+def test_rasterizer_turns_away_a_second_thread():
+    rasterizer = gslts.Rasterizer()
+    gaussians = scenes.random_map(2000, dtype=np.float32)
+    camera = scenes.orbit_camera(400, 300)
+    error = error_of_two_threads(lambda: rasterizer.forward(gaussians, camera))
+    assert error == "Rasterizer: in use by another thread; each thread needs its own"
+
+
+def test_optimizer_turns_away_a_second_thread():
+    gaussians, camera = scenes.random_map(5000, dtype=np.float32), scenes.orbit_camera()
+    rasterizer, adam = gslts.Rasterizer(), gslts.Adam(gaussians)
+    images = rasterizer.forward(gaussians, camera)
+    gradients = rasterizer.backward(dL_drgb=np.ones_like(images.rgb)).dense(gaussians.size)
+
+    def step():
+        adam.step(gradients, gslts.AdamRates(means=1e-3), threads=1)
+        _ = adam.state
+        adam.edit(gaussians, np.arange(gaussians.size))
+
+    error = error_of_two_threads(step)
+    assert error == "Adam: in use by another thread; each thread needs its own"
+    assert (adam.state.steps == adam.state.steps[0]).all()
+
+
+def test_voxels_turn_away_a_second_thread():
+    camera = scenes.orbit_camera(400, 300)
+    depth, rgb = np.ones((300, 400), np.float32), np.zeros((300, 400, 3), np.uint8)
+    voxels = SurfaceVoxels(0.01, 1)
+    error = error_of_two_threads(lambda: voxels.add(depth, rgb, camera, None))
+    assert error == "SurfaceVoxels: in use by another thread; each thread needs its own"
+    _, sums, hits = voxels.voxels()
+    assert hits.max() * 398 * 298 == sums[:, 0].sum()

@@ -3,6 +3,7 @@ import pickle
 import numpy as np
 import pytest
 import scenes
+from written_maps import assert_same
 
 import gslts
 
@@ -76,7 +77,9 @@ def test_select_rejects_what_would_break_the_ids():
 def test_map_survives_pickling():
     gaussians = scenes.random_map(4, feature_dims=2)
     copy = pickle.loads(pickle.dumps(gaussians))
-    np.testing.assert_array_equal(copy.means, gaussians.means)
+    assert_same(copy, gaussians)
+    with pytest.raises(ValueError, match="read-only"):
+        copy.means[0, 0] = 1
     camera = scenes.orbit_camera()
     np.testing.assert_array_equal(
         gslts.render(copy, camera).rgb, gslts.render(gaussians, camera).rgb

@@ -1,12 +1,15 @@
 """Adam compared with that of PyTorch, and its map."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import scenes
 import torch
 
 import gslts
-from gslts.rendering.adam import AdamOptions
+from gslts.rendering.adam import AdamOptions, AdamState
 from gslts.rendering.rasterizer import Gradients
 
 RATES = gslts.AdamRates(
@@ -102,7 +105,27 @@ def test_continues_from_its_state_exactly() -> None:
     for name in ("means", "quats", "sh"):
         np.testing.assert_array_equal(getattr(adam.map, name), getattr(restored.map, name))
     np.testing.assert_array_equal(adam.state.second, restored.state.second)
-    assert adam.state.steps.tolist() == [8, 4, 4, 0, 0, 8]
+    np.testing.assert_array_equal(adam.state.steps, np.repeat([[8], [4], [4], [0], [0], [8]], 7, 1))
+
+
+def test_one_number_of_steps_counts_for_all_groups() -> None:
+    start = scenes.random_map(3, dtype=np.float32)
+    adam = gslts.Adam(start)
+    for seed in range(3):
+        adam.step(random_gradients(start, [0, 2], seed), RATES)
+    state = adam.state
+    short = AdamState(state.first, state.second, np.array([3, 0, 3], np.uint32))
+    restored = gslts.Adam(adam.map, state=short)
+    np.testing.assert_array_equal(restored.state.steps, state.steps)
+
+
+def test_groups_count_their_own_steps() -> None:
+    start = scenes.random_map(1, dtype=np.float32)
+    adam = gslts.Adam(start)
+    adam.step(random_gradients(start, [0], 0), gslts.AdamRates(sh_dc=0.1))
+    adam.step(random_gradients(start, [0], 1), gslts.AdamRates(means=0.1, sh_dc=0.1))
+    assert adam.state.steps.tolist() == [[1, 0, 0, 0, 2, 0, 0]]
+    assert not adam.state.first[0, 3:11].any()
 
 
 def test_an_edit_keeps_moments() -> None:
@@ -111,7 +134,7 @@ def test_an_edit_keeps_moments() -> None:
     adam.step(random_gradients(start, [0, 1, 2], 0), RATES)
     edited = adam.edit(scenes.random_map(3, dtype=np.float32), np.array([2, -1, 0]))
     assert edited.map.size == 3
-    assert edited.state.steps.tolist() == [1, 0, 1]
+    assert edited.state.steps.tolist() == [[1] * 7, [0] * 7, [1] * 7]
     np.testing.assert_array_equal(edited.state.first[[0, 2]], adam.state.first[[2, 0]])
     assert not edited.state.second[1].any()
 
@@ -132,4 +155,22 @@ def test_errors_name_the_argument() -> None:
         gslts.Adam(scenes.random_map(4, dtype=np.float32), state=adam.state)
     with pytest.raises(ValueError, match=r"rows\[0\] is 3"):
         adam.edit(start.select(np.array([0])), np.array([3]))
-    assert adam.state.steps.tolist() == [0, 0, 0]
+    assert not adam.state.steps.any()
+    state = adam.state
+    wrong = (("first", np.nan), ("second", np.nan), ("second", -1), ("steps", 2**32 - 1))
+    for name, value in wrong:
+        getattr(state, name)[1, 2] = value
+        with pytest.raises(ValueError, match=f"Adam: {name} "):
+            gslts.Adam(start, state=state)
+        getattr(state, name)[1, 2] = 0
+    with pytest.raises(ValueError, match=r"steps: expected .*\(3, 7\), got uint32 \(2, 7\)"):
+        gslts.Adam(start, state=AdamState(state.first, state.second, state.steps[:2]))
+
+
+@pytest.mark.parametrize("values", [AdamOptions(beta1=0.5, beta2=0.75, eps=0.1), RATES])
+def test_options_survive_copies(values: AdamOptions | gslts.AdamRates) -> None:
+    names = [name for name in dir(values) if not name.startswith("_")]
+    for copied in (pickle.loads(pickle.dumps(values)), copy.deepcopy(values)):
+        assert type(copied) is type(values)
+        for name in names:
+            assert getattr(copied, name) == getattr(values, name) != 0

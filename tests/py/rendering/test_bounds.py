@@ -1,16 +1,21 @@
 """Large maps have bounds, by which rendering skips what is out of view without another image."""
 
+import copy
+import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import image_bytes, in_clusters, orbit_camera
-from store_maps import random_map
+from store_maps import ROOM, random_map
+from written_maps import assert_same
 
 import gslts
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, rows_in_view
+from gslts.store.map_store import MapStore
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +90,21 @@ def test_other_features_share_the_rest(large: GaussianMap) -> None:
     features[5, 1] = np.nan
     with pytest.raises(ValueError, match="features: must be finite"):
         large.with_features(lambda _: features)
+
+
+def test_a_copy_has_bounds_of_its_own(large: GaussianMap, tmp_path: Path) -> None:
+    MapStore.create(tmp_path, large, ROOM)
+    with MapStore(tmp_path) as store:
+        read_in_blocks = store.read()
+    assert read_in_blocks.chunks is not None
+    for gaussian_map in (large, read_in_blocks):
+        for copied in (pickle.loads(pickle.dumps(gaussian_map)), copy.deepcopy(gaussian_map)):
+            assert copied.chunks is None
+            assert_same(copied, large)
+            assert not np.shares_memory(copied.means, large.means)
+            np.testing.assert_array_equal(copied.bounds.boxes(), large.bounds.boxes())
+            with pytest.raises(ValueError, match="read-only"):
+                copied.sh[0] = 1
 
 
 def test_numbers_that_are_not_finite_are_named(large: GaussianMap) -> None:

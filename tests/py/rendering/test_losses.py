@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import numpy as np
@@ -98,6 +100,20 @@ def test_depth_loss_counts_measured_and_rendered_pixels() -> None:
     assert loss.count == 2
     assert loss.value == 0.75
     np.testing.assert_array_equal(loss.dL_ddepth, [[0.5, 0, 0], [0, -0.5, 0]])
+
+
+def test_a_tiny_depth_is_no_measurement() -> None:
+    target = np.array([[1e-40, 1e-36, 2.0]], np.float32)
+    loss = gslts.losses.depth_loss(np.full((1, 3), 1000, np.float32), target, relative=True)
+    assert loss.count == 1
+    assert loss.value == 499
+    np.testing.assert_array_equal(loss.dL_ddepth, [[0, 0, 0.5]])
+
+
+def test_an_exposure_survives_copies() -> None:
+    exposure = gslts.losses.Exposure(gain=(1.5, 2, 3), offset=(0.25, 0, -1))
+    assert pickle.loads(pickle.dumps(exposure)) == exposure
+    assert copy.deepcopy(exposure) == exposure
 
 
 def test_bad_input_is_rejected() -> None:

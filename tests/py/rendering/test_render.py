@@ -136,6 +136,27 @@ def test_mask_of_nothing_gives_zeros():
     assert not images.alpha.any()
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_mask_holds_without_a_minimum_of_transmittance(dtype):
+    size = 200
+    gaussians = scenes.single_gaussian(
+        dtype,
+        means=np.c_[np.zeros((size, 2)), np.linspace(1, 2, size)],
+        quats=[[1.0, 0, 0, 0]] * size,
+        log_scales=np.full((size, 3), -1.0),
+        logit_opacities=np.full(size, 10.0),
+        sh=np.ones((size, 1, 3)),
+    )
+    camera = gslts.camera_from_fov(4, 4, 0.2, np.eye(4))
+    mask = np.zeros((4, 4), bool)
+    mask[0, 0] = True
+    options = gslts.RenderOptions(transmittance_min=0, near_sigmas=0)
+    images = gslts.render(gaussians, camera, options, mask=mask)
+    assert images.alpha[0, 0] > 0.99
+    for image in (images.rgb, images.depth, images.alpha):
+        assert not image[~mask].any()
+
+
 def test_mask_need_not_be_contiguous():
     mask = (np.arange(53)[:, None] + np.arange(38)) % 3 == 0
     gaussians, camera = scenes.random_map(50), scenes.orbit_camera(53, 38)

@@ -26,6 +26,9 @@ struct PlyContents {
 /// the origin is the comment `gslts origin X Y Z`. Files are ascii or binary of either byte order,
 /// and may have other elements. Axes and units stay as they are.
 ///
+/// Without that comment the origin is zero, or the median of the centres in whole metres if they
+/// are of type double and 2,048 m or more away, where float would round them by 0.1 mm.
+///
 /// Other programs' variants: red green blue (uchar) for f_dc; an opacity of plus or minus infinity
 /// and a scale of minus infinity, which become 20, -20 and -30; and the compressed layout of
 /// PlayCanvas and SuperSplat.

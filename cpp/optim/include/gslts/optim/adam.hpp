@@ -17,7 +17,8 @@ struct AdamOptions {
   double eps = 1e-15;    ///< > 0; 3DGS's value, as gradients of a mean over pixels are tiny.
 };
 
-/// Learning rates by group of parameters; a group with rate 0 and its moments stay unchanged.
+/// Learning rates by group of parameters; a group with rate 0, its moments and its number of steps
+/// stay unchanged.
 struct AdamRates {
   double means = 0;
   double quats = 0;
@@ -28,6 +29,13 @@ struct AdamRates {
   double features = 0;
 };
 
+/// Groups of parameters, in the order of `AdamRates`.
+constexpr std::size_t kAdamGroups = 7;
+
+/// Maximum number of steps that is counted; more have no effect on the correction of the bias, for
+/// a beta2 of up to 0.99999. It bounds the table of the corrections, to 16 MB.
+constexpr std::uint32_t kMaxAdamSteps = 1 << 20;
+
 /// State of Adam. A row holds the moments of a Gaussian's P = 11 + 3 K + D parameters:
 /// mean, quaternion, log scales, logit opacity, SH, features.
 template <typename T>
@@ -35,15 +43,15 @@ struct AdamState {
   int sh_bases = 1;            ///< K
   int feature_dims = 0;        ///< D
   Array<T> first, second;      ///< [N,P] running means of the gradients and of their squares
-  Array<std::uint32_t> steps;  ///< [N] steps that each Gaussian took part in
+  Array<std::uint32_t> steps;  ///< [N,kAdamGroups] steps that each took part in, up to the maximum
 };
 
 /// Adam (Kingma & Ba 2015) over the parameters of a map.
 ///
-/// A step touches only the Gaussians that have a gradient, and corrects the bias of their moments
-/// by the number of steps that each took part in: every Gaussian moves as if an Adam of its own had
-/// seen just those steps. With a gradient for all, this is the usual Adam. Results are
-/// bit-identical for any thread count.
+/// A step touches only the Gaussians that have a gradient and the groups that have a rate, and
+/// corrects the bias of their moments by the number of steps that each took part in: every group of
+/// a Gaussian moves as if an Adam of its own had seen just those steps. With a gradient for all,
+/// this is the usual Adam. Results are bit-identical for any thread count.
 template <typename T>
 class Adam {
  public:
@@ -52,7 +60,8 @@ class Adam {
   explicit Adam(std::size_t size, int sh_bases, int feature_dims = 0,
                 const AdamOptions& options = {});
   /// Continues from a state, exactly.
-  /// @throws std::invalid_argument  if the lengths of the arrays do not match.
+  /// @throws std::invalid_argument  if the lengths of the arrays do not match, a moment is not
+  ///   finite, a second one is negative, or a number of steps is above the maximum.
   explicit Adam(AdamState<T> state, const AdamOptions& options = {});
 
   const AdamState<T>& state() const { return state_; }

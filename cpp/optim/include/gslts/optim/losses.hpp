@@ -64,7 +64,7 @@ struct DepthLoss {
 };
 
 /// Computes the L1 loss of the expected depth. A pixel counts if it is wanted, was measured (target
-/// > 0; 0 and NaN mean no measurement) and rendered (depth > 0).
+/// >= 1e-30; less and NaN mean no measurement) and rendered (depth > 0).
 /// @param depth, target  [H,W] z in the camera frame, m
 /// @param relative  Whether each difference is divided by the measured depth.
 /// @throws std::invalid_argument  if the mask has another size, or `depth` is not finite or
