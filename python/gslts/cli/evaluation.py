@@ -41,7 +41,8 @@ def judge(
     Figures are given for poses of the data set, for poses corrected by those of neighbouring
     training frames, and for poses refined against the map; the exposure of each frame is fitted.
     Frames that cannot be used are skipped. A recording that extended the map is evaluated at its
-    poses in the map.
+    poses in the map. Of another recording, whose poses must be in the frame of the map, every 8th
+    frame is a test frame.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -58,9 +59,12 @@ def judge(
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
     opened = open_recording(map_path, dataset)
+    record = TrainingRecord.read(map_path, opened)
+    if not record.cameras:
+        typer.echo(f"{opened.name}: the map has no record of it; poses are as given", err=True)
     frames, skipped = read_test_frames(
         opened,
-        TrainingRecord.read(map_path, opened.name),
+        record,
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )

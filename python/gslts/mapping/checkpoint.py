@@ -33,9 +33,10 @@ ADAM_ARRAYS = ("first", "second", "steps")
 """Arrays of `AdamState` in the file."""
 DAMAGE = (
     *(ValueError, KeyError, TypeError, AttributeError, OverflowError),
-    *(EOFError, RuntimeError, zipfile.BadZipFile),
+    *(EOFError, RuntimeError, MemoryError, zipfile.BadZipFile),
 )
-"""Exceptions that damaged files raise: RuntimeError comes from zipfile and deeply nested JSON."""
+"""Exceptions that damaged files raise: RuntimeError comes from zipfile and deeply nested JSON,
+MemoryError from shapes that the file does not hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,8 @@ class Checkpoint:
         return cls(
             config=config,
             frames=frames,
-            gaussian_map=optimizer.adam.map,
+            # A copy: later steps change the map in place.
+            gaussian_map=optimizer.adam.map.astype(optimizer.adam.map.dtype),
             adam=optimizer.adam.state,
             iteration=optimizer.iteration,
             epoch=optimizer.epoch,
@@ -215,6 +217,11 @@ def _checkpoint_of(arrays: dict[str, Any]) -> Checkpoint:
         array = arrays[name]
         if array.dtype != np.float64 or array.shape != shape:
             raise ValueError(f"{name}: expected float64 {shape}, got {array.dtype} {array.shape}")
+    for name in ("poses", "exposures", "first", "second"):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{name}: expected finite numbers")
+    if (most := arrays["steps"].max(initial=0)) > state["iteration"]:
+        raise ValueError(f"steps: expected at most {state['iteration']}, got {most}")
     np.random.PCG64().state = state["random"]  # Raises if damaged.
     return Checkpoint(
         config=MappingConfig.model_validate(state["config"]),

@@ -42,7 +42,7 @@ class MappingConfig(BaseModel):
         fill_holes: Whether Gaussians are added where no depth was measured.
         refine_poses: Whether camera poses are refined.
         refine_lenses: Whether focal lengths, principal point and the pose of the depth lens are
-            refined.
+            refined, together with the poses: not without `refine_poses`.
         pose_std_m: Prior standard deviation of the given camera positions, m.
         pose_std_rad: Prior standard deviation of the given rotations, rad.
         dssim_weight: Weight of 1 - SSIM against L1 of the colours.

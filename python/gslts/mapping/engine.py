@@ -24,7 +24,7 @@ from gslts.mapping.evaluation.evaluate import (
     refine_pose,
 )
 from gslts.mapping.evaluation.variants import Variant, choose_variant, make_variants
-from gslts.mapping.frames import FrameSplit, ShowFrames, split_held_out
+from gslts.mapping.frames import FrameSplit, ShowFrames, observe, split_held_out
 from gslts.mapping.initialize import Start, initialize
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
@@ -39,7 +39,8 @@ MIN_GAIN_DB = 0.02
 """Validation PSNR that must be gained for the optimization to go on; see `MappingConfig.patience`.
 Repeated validations of a converged map differ by less."""
 SAVE_EVERY_S = 20.0
-"""Interval of checkpoints, s: the most work that a crash loses."""
+"""Minimum interval of checkpoints, s. The first is made after initialization, the others after
+epochs: a crash loses this and an epoch, or the time until the first Gaussians are seeded."""
 MIN_WEIGHT = 0.02
 """Gaussians whose blending weight is lower in every pixel of all training frames are pruned: they
 change colours by less than the noise of a camera."""
@@ -114,7 +115,8 @@ def make_map(
         config: Settings.
         resume: Checkpoint of an interrupted run of the same data set; without a time budget, the
             map becomes what it would have become.
-        save: Called with a checkpoint every `SAVE_EVERY_S`.
+        save: Called with a checkpoint after initialization and epochs, at most every
+            `SAVE_EVERY_S`.
         show_frames: Shows the progress of reading.
         report: Called after each step of the optimization.
 
@@ -123,9 +125,7 @@ def make_map(
             checkpoint is of another data set or of other settings.
     """
     clock = Clock(config.budget_s, {} if resume is None else resume.seconds)
-    split = FrameSplit.read(
-        dataset, lambda frame: Observation.of(frame.read()), split_held_out, show_frames
-    )
+    split = FrameSplit.read(dataset, observe, split_held_out, show_frames)
     observations = list(split.training.values())
     given = observations[0].lenses
     config = _adapt(config, split, given)
@@ -144,6 +144,8 @@ def make_map(
             save(Checkpoint.of(optimizer, config, split.names, tuple(curve), start.seeds, stages))
             clock.note_checkpoint()
 
+    if resume is None:
+        save_sometimes()
     optimize(optimizer, split, curve, clock, report, save_sometimes)
     gaussian_map = optimizer.adam.map
     weights = max_weights(gaussian_map, observations, config.threads)
@@ -240,6 +242,8 @@ def _adapt(config: MappingConfig, split: FrameSplit, given: Lenses) -> MappingCo
     frames = [*split.training.values(), *split.held_out]
     if not all(frame.lenses.is_close(given) for frame in frames):
         # Each sensor would have to be refined by itself, from a part of the frames.
+        config = config.model_copy(update={"refine_lenses": False})
+    if not config.refine_poses:  # Lenses are found from the normal equations of the poses.
         config = config.model_copy(update={"refine_lenses": False})
     if not split.validation.observations:
         config = config.model_copy(update={"refine_lenses": False, "variant_steps": 0})

@@ -150,6 +150,23 @@ class FrameSplit:
         return 1.1 * farthest_m or USUAL_EXTENT_M
 
 
+def observe(frame: Frame) -> Observation:
+    """Read a frame that mapping can use.
+
+    Args:
+        frame: Frame on the disk.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: A file is damaged, or the mask of the frame leaves nothing to compare.
+    """
+    observation = Observation.of(frame.read())
+    mask = observation.mask(1)
+    if mask is not None and not mask.any():
+        raise ValueError("its mask leaves no pixel at half the resolution")
+    return observation
+
+
 def split_held_out(names: Sequence[str]) -> tuple[range, range]:
     """Hold out every 8th frame: alternately for test and for validation; none of few frames.
 

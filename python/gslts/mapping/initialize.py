@@ -37,6 +37,9 @@ FAR_M = 1000.0
 float32 resolves 0.1 mm there."""
 MIN_POSE_STD_M, MIN_POSE_STD_RAD = 0.001, 0.0005
 """Minimum standard deviation of given poses, m and rad: keeps the prior finite for exact poses."""
+ROUNDING = 1e-6
+"""Corrections below it, m and rad, are no refinement: the first epoch refines no pose, but moves
+them to where they were, with errors of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +143,12 @@ def _pose_stds(observations: Sequence[Observation], config: MappingConfig) -> tu
     """Estimate the standard deviations of the given poses, m and rad, from the rough corrections.
 
     Independent errors of many frames average out in the map, so that given poses together weigh
-    more than alone; errors that neighbours share, such as drift, do not.
+    more than alone; errors that neighbours share, such as drift, do not. Without any
+    corrections, the configured ones are returned.
     """
     twists = np.array([twist_of(frame.correction) for frame in observations])
+    if np.abs(twists).max() < ROUNDING:
+        return config.pose_std_m, config.pose_std_rad
     stds = []
     for part in np.split(twists, 2, axis=1):
         squares = (part**2).sum(axis=1)

@@ -309,6 +309,11 @@ class Optimizer:
         config, observations = self.config, self.observations
         opaque = self.adam.map.logit_opacities > _logit(config.min_opacity)
         kept = np.flatnonzero(opaque | self.fixed)
+        if len(kept) == 0:
+            raise ValueError(
+                f"every Gaussian was pruned: none is more opaque than min_opacity="
+                f"{config.min_opacity:g}"
+            )
         gaussians, fixed = self.adam.map.select(kept), self.fixed[kept]
         gaussians = fold_mean_exposure(gaussians, observations, fixed, self.mean_exposure)
         limits = np.where(fixed, np.inf, np.log(config.max_scale_m)).astype(np.float32)
@@ -336,4 +341,4 @@ class Optimizer:
 
 
 def _logit(share: float) -> float:
-    return float(np.log(share / (1 - share)))
+    return float(np.log(share / (1 - share))) if share > 0 else -np.inf

@@ -12,7 +12,8 @@ from gslts.datasets.posed import with_poses
 from gslts.io.atomic_files import write_atomic
 from gslts.store.camera_files import read_cameras
 from gslts.store.causes import ExtensionCause
-from gslts.store.manifest import read_manifest, split_version
+from gslts.store.fingerprints import is_recording_of
+from gslts.store.manifest import split_version
 from gslts.store.map_folder import camera_to_json, open_map
 from gslts.types import Floats
 
@@ -63,18 +64,15 @@ def open_recording(map_path: Path, dataset: Path) -> Dataset:
         ValueError: A file is damaged, or frames have no pose.
     """
     unposed = open_dataset(dataset, posed=False)
-    extension = extension_by(map_path, unposed.name)
-    if extension is not None:
+    poses: dict[str, Floats] | None = None
+    if is_recording_of(map_path, unposed):
+        saved = split_version(map_path)[0] / TRAJECTORY
+        poses = read_trajectory(saved) if saved.exists() else None
+    elif extension := extension_by(map_path, unposed.name):
         frames = dict(zip(extension.names, extension.frames, strict=True))
         cameras = {**frames, **extension.test_frames}
         poses = {name: np.array(camera.world_from_camera) for name, camera in cameras.items()}
-        return with_poses(unposed, poses)
-    saved = split_version(map_path)[0] / TRAJECTORY
-    if saved.exists():
-        opened = with_poses(unposed, read_trajectory(saved))
-        if opened.frames:
-            return opened
-    return open_dataset(dataset)
+    return open_dataset(dataset) if poses is None else with_poses(unposed, poses)
 
 
 def extension_by(map_path: Path, recording: str) -> ExtensionCause | None:
@@ -82,18 +80,17 @@ def extension_by(map_path: Path, recording: str) -> ExtensionCause | None:
 
     Args:
         map_path: Folder of the map, `FOLDER@NUMBER`, or a PLY file.
-        recording: Name of the data set.
+        recording: Name of the data set, if it is not that of the map; see `is_recording_of`.
 
     Returns:
-        The cause of the version; None if the map was made of a recording of that name, or not
-        extended by one.
+        The cause of the version; None if no recording of that name extended the map.
 
     Raises:
         OSError: A file cannot be read.
         ValueError: A file is damaged.
     """
     folder, number = split_version(map_path)
-    if not folder.is_dir() or read_manifest(folder).get("dataset") == recording:
+    if not folder.is_dir():
         return None
     with open_map(folder) as store:
         for version in reversed(store.lineage(number)):

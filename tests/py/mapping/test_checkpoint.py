@@ -1,6 +1,8 @@
 """Checkpoint files: round trip, and one-line errors of damaged ones."""
 
+import io
 import json
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+from striped_wall import grey_wall, half_striped
 
 import gslts
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.lenses import Lenses
+from gslts.mapping.optimize import Optimizer, Schedule
 from gslts.mapping.report.data import CurvePoint
 from gslts.rendering.adam import Adam
 
@@ -57,8 +61,34 @@ def change_state(path: Path, **values: Any) -> None:
     change(path, state=as_bytes(json.dumps(state | values)))
 
 
+def change_header(path: Path, name: str, shape: tuple[int, ...]) -> None:
+    """Let the header of an array promise another shape than its bytes have."""
+    with zipfile.ZipFile(path) as file:
+        contents = {entry: file.read(entry) for entry in file.namelist()}
+    header = io.BytesIO()
+    lie = {"descr": "<u4", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(header, lie)
+    contents[f"{name}.npy"] = header.getvalue() + bytes(64)
+    with zipfile.ZipFile(path, "w") as file:
+        for entry, content in contents.items():
+            file.writestr(entry, content)
+
+
 def as_bytes(text: str) -> np.ndarray:
     return np.frombuffer(text.encode(), np.uint8)
+
+
+def test_a_checkpoint_that_is_kept_does_not_change() -> None:
+    """Later steps change the map of the optimizer in place."""
+    observation = half_striped()
+    schedule = Schedule(10, ((float("inf"), 0),))
+    optimizer = Optimizer(grey_wall(), [observation], observation.lenses, MappingConfig(), schedule)
+    kept = Checkpoint.of(optimizer, MappingConfig(), ("00",), (), 5, {})
+    means, ids = kept.gaussian_map.means.copy(), kept.gaussian_map.ids.copy()
+    optimizer.step(observation, 0.0)
+    assert (optimizer.adam.map.means != means).any()
+    np.testing.assert_array_equal(kept.gaussian_map.means, means)
+    np.testing.assert_array_equal(kept.gaussian_map.ids, ids)
 
 
 def test_round_trip(path: Path) -> None:
@@ -82,6 +112,12 @@ def test_round_trip(path: Path) -> None:
         (lambda p: change(p, poses=np.zeros((8, 4, 4), "U1")), r"poses: .* got <U1"),
         (lambda p: change(p, exposures=np.zeros((8, 3, 2))), r"exposures: .* \(8, 2, 3\), got"),
         (lambda p: change(p, means=np.zeros((5, 2), np.float32)), "means"),
+        (lambda p: change(p, poses=np.full((8, 4, 4), np.nan)), "poses: expected finite numbers"),
+        (lambda p: change(p, sh=np.full((5, 1, 3), np.inf, np.float32)), "sh.* is inf"),
+        (lambda p: change(p, first=np.full((5, 14), np.nan, np.float32)), "first: expected finite"),
+        (lambda p: change(p, steps=np.full(5, 4, np.uint32)), "steps: .* at most 3, got 4"),
+        (lambda p: change(p, steps=np.full(5, 2**32 - 1, np.uint32)), "steps: .* got 4294967295"),
+        (lambda p: change_header(p, "steps", (10**12,)), "Unable to allocate"),
         (lambda p: change_state(p, frames=["00"]), "poses: expected"),
         (lambda p: change_state(p, iteration=float("inf")), "infinity"),
         (lambda p: change_state(p, random=[]), "state"),

@@ -9,8 +9,10 @@ import scenes
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Dataset
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.engine import _adapt
 from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
-from gslts.mapping.frames import FrameSplit, split_held_out
+from gslts.mapping.frames import FrameSplit, observe, split_held_out
 from gslts.mapping.observation import Observation
 
 COUNT = 30
@@ -19,26 +21,39 @@ COUNT = 30
 class MemoryFrame:
     """A frame in memory, with depth 1 m or none; or one that cannot be read."""
 
-    def __init__(self, number: int, *, blind: bool = False, torn: bool = False) -> None:
+    def __init__(
+        self, number: int, *, blind: bool = False, torn: bool = False, hidden: bool = False
+    ) -> None:
         self.name, self._blind, self._torn = f"{number:02}", blind, torn
+        self._hidden = hidden
         self.camera = scenes.orbit_camera(16, 12, angle_rad=0.1 * number)
 
     def read(self) -> RgbdFrame:
         if self._torn:
             raise ValueError(f"{self.name}.png: it is torn")
         depth = np.full((12, 16), 0 if self._blind else 1, np.float32)
-        return RgbdFrame(np.zeros((12, 16, 3), np.uint8), depth, self.camera)
+        mask = None
+        if self._hidden:  # But for lines of 1 px, which are nothing at half the resolution.
+            mask = np.zeros((12, 16), np.bool_)
+            mask[:, ::4] = True
+        return RgbdFrame(np.zeros((12, 16, 3), np.uint8), depth, self.camera, mask=mask)
 
 
 def dataset_of(
-    *, torn: Sequence[int] = (), blind: Sequence[int] = (), count: int = COUNT
+    *,
+    torn: Sequence[int] = (),
+    blind: Sequence[int] = (),
+    hidden: Sequence[int] = (),
+    count: int = COUNT,
 ) -> Dataset:
-    frames = [MemoryFrame(k, torn=k in torn, blind=k in blind) for k in range(count)]
+    frames = [
+        MemoryFrame(k, torn=k in torn, blind=k in blind, hidden=k in hidden) for k in range(count)
+    ]
     return Dataset("set", tuple(frames), ("early: no pose",))
 
 
 def split_of(dataset: Dataset) -> FrameSplit:
-    return FrameSplit.read(dataset, lambda frame: Observation.of(frame.read()), split_held_out)
+    return FrameSplit.read(dataset, observe, split_held_out)
 
 
 def record_of(dataset: Dataset) -> TrainingRecord:
@@ -123,6 +138,28 @@ def test_a_plain_map_is_tested_past_bad_frames() -> None:
         assert test.neighbours == [[]] * len(frames)
         assert [reason.split(":")[0] for reason in skipped] == ["early", "08"]
         assert all(frame.rgb[0].shape == (12, 16, 3) for frame in frames)
+
+
+def test_settings_without_effect_are_recorded_as_off() -> None:
+    """Lenses are refined by the same equations as poses."""
+    split = split_of(dataset_of())
+    given = split.training["01"].lenses
+    for refine in (True, False):
+        config = _adapt(MappingConfig(refine_poses=refine), split, given)
+        assert (config.refine_poses, config.refine_lenses) == (refine, refine)
+
+
+@pytest.mark.parametrize("number", [0, 3, 8])
+def test_frames_whose_mask_leaves_nothing_are_skipped(number: int) -> None:
+    """They would end the run at its last step, or be no test at all."""
+    dataset = dataset_of(hidden=[number])
+    split = split_of(dataset)
+    assert f"{number:02}" not in split.names
+    reason = f"{number:02}: its mask leaves no pixel at half the resolution"
+    assert split.skipped == ("early: no pose", reason)
+    test, skipped = read_test_frames(dataset, record_of(dataset))
+    assert list(test.observations) == list(split.test.observations)
+    assert skipped == split.skipped
 
 
 def test_a_neighbour_torn_since_is_left_out() -> None:

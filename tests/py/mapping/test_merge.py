@@ -6,6 +6,7 @@ import pytest
 
 from gslts.core.camera import Camera, look_at
 from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.mapping.density import merge as merging
 from gslts.mapping.density.control import axes_of
 from gslts.mapping.density.merge import merge
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
@@ -62,6 +63,23 @@ def test_moments_are_those_of_the_mixture(seed: int) -> None:
     np.testing.assert_allclose(merged.features[0], share @ pair.features, atol=1e-12)
     assert merged.ids[0] == pair.ids[np.argmax(weights)]
     assert (merged.origin == pair.origin).all()
+
+
+def test_coincident_gaussians_merge_in_few_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their nearest neighbours are any few of them, which must not be the same few for all."""
+    rng = np.random.default_rng(0)
+    points = np.concatenate([np.zeros((600, 3)), rng.normal(0, 1, (40, 3))])
+    crowd = flats(points, np.tile([0, 0, 1.0], (640, 1)), rng.random((640, 3)))
+    rounds: list[int] = []
+    merge_pairs = merging._merge
+
+    def count(*arguments) -> None:
+        rounds.append(1)
+        merge_pairs(*arguments)
+
+    monkeypatch.setattr(merging, "_merge", count)
+    assert merge(crowd, 320).size == 320
+    assert len(rounds) < 60
 
 
 def test_without_weights_area_is_the_weight_and_is_kept() -> None:

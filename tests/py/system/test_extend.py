@@ -122,7 +122,7 @@ def test_test_frames_of_an_extension_are_evaluated(extended, tmp_path):
     assert quality["refined"]["frames"] == len(cause.test_frames)
     assert quality["refined"]["psnr_db"] == pytest.approx(outcome.record.test_psnr_db, abs=0.3)
     assert quality["given"]["psnr_db"] > outcome.record.test_psnr_db - 3
-    record = TrainingRecord.read(path, visit.name)
+    record = TrainingRecord.read(path, open_dataset(visit))
     assert set(record.cameras) == set(cause.names)
     assert open_recording(path, visit).frames[0].name in {*cause.names, *cause.test_frames}
     assert extension_by(path, "another") is None

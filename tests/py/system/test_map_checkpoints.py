@@ -34,6 +34,7 @@ def test_a_resumed_run_makes_the_same_map(
 
     whole = make_map(dataset, config, save=save)
     assert len(saved) >= 5
+    assert read_checkpoint(saved[0]).iteration == 0, "after initialization"
     for path in (saved[0], saved[3], saved[-1]):
         rest = make_map(dataset, config, resume=read_checkpoint(path))
         require_same(whole, rest)

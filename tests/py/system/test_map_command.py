@@ -46,8 +46,10 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     again = json.loads(done.stdout)
     for poses in ("given", "by_neighbours", "refined"):
         assert again[poses] == pytest.approx(manifest["test"][poses], rel=1e-5)
+    assert done.stderr == ""
     done = run("eval", "map", recorded["none"], "--json", cwd=tmp_path)
     assert json.loads(done.stdout)["refined"]["ssim"] > again["refined"]["ssim"], "without noise"
+    assert "none: the map has no record of it" in done.stderr, "though the frames have its names"
     assert run("export", "map", "room.ply", cwd=tmp_path).returncode == 0
     done = run("eval", "room.ply", recorded["none"], "--every", "20", "--json", cwd=tmp_path)
     plain = json.loads(done.stdout)

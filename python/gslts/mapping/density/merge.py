@@ -18,6 +18,9 @@ ROUND_SHARE = 0.5
 better partners among the merged."""
 MIN_VARIANCE_M2 = 1e-14
 """Minimum variance of a merged Gaussian, m2; smaller ones are rounding errors."""
+SPREAD_M = 1e-4
+"""Standard deviation of the motion of Gaussians, m, more than `NEIGHBOURS` of which have the same
+position, in the search for neighbours only: more than the rounding of float32 in a building."""
 CHUNK = 1 << 14
 """Pairs per batch, so that their matrices stay in the cache; changes speed only."""
 
@@ -102,7 +105,12 @@ def _reduce(splats: Splats, count: int) -> tuple[Ints, Ints]:
 
 def _near_pairs(points: Floats) -> Ints:
     """Return pairs [P,2] of neighbours, each once, lower row first."""
-    neighbours = nearest(points, min(NEIGHBOURS + 1, len(points)))[0]
+    count = min(NEIGHBOURS + 1, len(points))
+    neighbours, squares = nearest(points, count)
+    crowded = squares[:, -1:] == 0
+    if crowded.any():  # All of a crowd would have the same few neighbours.
+        motion = np.random.default_rng(0).normal(0, SPREAD_M, points.shape)
+        neighbours = nearest(points + crowded * motion, count)[0]
     rows = np.repeat(np.arange(len(points)), neighbours.shape[1])
     pairs = np.sort(np.column_stack([rows, neighbours.ravel()]), axis=1)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]

@@ -15,12 +15,14 @@ from gslts.mapping.frames import (
     HeldOutFrames,
     ShowFrames,
     neighbours_of,
+    observe,
     read_usable,
     require_memory,
 )
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.fingerprints import is_recording_of
 from gslts.store.manifest import read_manifest, split_version
 from gslts.store.map_folder import camera_from_json
 from gslts.store.trajectory_file import extension_by
@@ -28,7 +30,10 @@ from gslts.store.trajectory_file import extension_by
 
 @dataclass(frozen=True, eq=False)
 class TrainingRecord:
-    """Frames and lenses that a map was made with; empty for a plain PLY file.
+    """Frames and lenses that a map was made with, as far as they are those of a recording.
+
+    It has no frames of another recording, though its frames may have the same names, and is empty
+    for a plain PLY file.
 
     Attributes:
         cameras: Refined cameras of the training frames, by name.
@@ -41,13 +46,13 @@ class TrainingRecord:
     lenses: tuple[Lenses, Lenses] | None = None
 
     @classmethod
-    def read(cls, path: Path, recording: str | None = None) -> TrainingRecord:
+    def read(cls, path: Path, recording: Dataset | None = None) -> TrainingRecord:
         """Read the record of a map.
 
         Args:
             path: Folder of the map, or a PLY file.
-            recording: Name of a data set; if the map was extended by it, the frames are those of
-                the extension.
+            recording: If the map was extended by it, the frames are those of the extension. None
+                means the recording of the map.
 
         Raises:
             OSError: A file cannot be read.
@@ -57,16 +62,11 @@ class TrainingRecord:
         if not folder.is_dir():
             return cls()
         manifest, cameras = read_manifest(folder), cameras_of_map(path)
-        extension = None if recording is None else extension_by(path, recording)
-        if extension is not None:
-            records = (
-                camera_from_json(frame.model_dump(exclude={"new_viewpoint"}))
-                for frame in extension.frames
-            )
-            cameras = dict(zip(extension.names, records, strict=True))
         validation = manifest.get("validation_frames", [])
         if not isinstance(validation, list) or not all(isinstance(n, str) for n in validation):
             raise ValueError(f"{path}: validation_frames of the manifest: expected a list of names")
+        if recording is not None and not is_recording_of(path, recording):
+            cameras, validation = _cameras_of_extension(path, recording.name), []
         if "lenses" not in manifest:
             return cls(cameras, frozenset(validation))
         try:
@@ -83,9 +83,9 @@ class TrainingRecord:
 
         Raises:
             OSError: A file cannot be read.
-            ValueError: A file is damaged.
+            ValueError: A file is damaged, or the mask of the frame leaves nothing.
         """
-        observation = Observation.of(frame.read())
+        observation = observe(frame)
         if self.lenses is not None and observation.lenses.is_close(self.lenses[0]):
             observation.set_lenses(self.lenses[1])
         if frame.name in self.cameras:
@@ -157,6 +157,15 @@ def read_test_frames(
         )
     neighbours = [[read[name] for name in near] for near in wanted.values()]
     return HeldOutFrames({name: read[name] for name in wanted}, neighbours), skipped
+
+
+def _cameras_of_extension(path: Path, recording: str) -> dict[str, Camera]:
+    """Return the training cameras of an extension by name; none if there is no such extension."""
+    extension = extension_by(path, recording)
+    if extension is None:
+        return {}
+    records = (frame.model_dump(exclude={"new_viewpoint"}) for frame in extension.frames)
+    return dict(zip(extension.names, map(camera_from_json, records), strict=True))
 
 
 def _choose_names(

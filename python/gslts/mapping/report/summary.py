@@ -22,6 +22,7 @@ from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.store.fingerprints import FINGERPRINTS, fingerprint
 from gslts.store.map_folder import camera_to_json, write_map_folder
 from gslts.store.measurement_files import write_measurements
 from gslts.store.trajectory_file import TRAJECTORY, write_trajectory
@@ -92,6 +93,10 @@ def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
         "test": None if result.quality is None else asdict(result.quality),
         "test_frames": list(result.test),
         "validation_frames": list(result.validation),
+        FINGERPRINTS: {
+            name: fingerprint(frame.rgb[0])
+            for name, frame in {**result.training, **result.held_out}.items()
+        },
         "exposures_rejected": _exposures_rejected(result),
         "training_psnrs_db": result.training_psnrs_db,
         "warning": warning_of(result),
