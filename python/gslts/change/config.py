@@ -25,7 +25,8 @@ class DetectionConfig:
         align_pose: Correct the pose of the frame first, by direct image alignment with the map.
         masks: Thresholds of the difference masks.
         gs_lts: Thresholds of the strategy "gs_lts".
-        objects: Thresholds of the strategy "objects".
+        objects: Thresholds of the strategy "objects". Where depth is fine, an addition or a
+            removal has a confidence of at most 0.9: a `min_confidence` of 0.9 or more leaves none.
         threads: Number of threads; 0 means one per hardware thread.
 
     Raises:

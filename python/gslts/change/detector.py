@@ -14,9 +14,9 @@ from gslts.change.blur import Detail
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
+    ALIGNED_HALVINGS,
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
-    MAX_HALVINGS,
     MAX_WITNESS_SHARE,
     MIN_ERROR_ALPHA,
     MIN_MAP_WITNESSES,
@@ -190,9 +190,9 @@ class ChangeDetector:
 
     def _detect(self, frame: RgbdFrame) -> Detection:
         pyramid = [frame.registered()]
-        for _ in range(MAX_HALVINGS):
-            pyramid.append(pyramid[-1].halved())
         halvings = self.config.halvings_of(frame.camera.width)
+        for _ in range(halvings + ALIGNED_HALVINGS):
+            pyramid.append(pyramid[-1].halved())
         small = pyramid[halvings]
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)

@@ -242,9 +242,16 @@ def confirm_changes(
         Confirmed changes, by falling confidence, and the numbers of frames.
 
     Raises:
+        ValueError: There are fewer frames than must show a change.
         RuntimeError: A frame could not be processed.
     """
-    config = replace(config or MonitorConfig(), rate_hz=1e6, queue=max(1, len(frames)))
+    config = config or MonitorConfig()
+    if len(frames) < config.needed:
+        raise ValueError(
+            f"confirm_changes: frames: expected at least {config.needed}, as so many must show a "
+            f"change, got {len(frames)}; see --needed"
+        )
+    config = replace(config, rate_hz=1e6, queue=len(frames))
     with ChangeMonitor(detector, config) as monitor:
         for frame in frames:
             monitor.offer(frame)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -203,8 +204,8 @@ def _without_errors(
     new = np.flatnonzero(good & (gaussians.ids >= first_id))
     if visibility.has_cameras and len(new) > 0:
         points = gaussians.means[new].astype(np.float64) + gaussians.origin
-        centres = [frame.world_from_camera[:3, 3] for frame in frames]
-        near_m = np.min([np.linalg.norm(points - centre, axis=1) for centre in centres], axis=0)
+        centres = (frame.world_from_camera[:3, 3] for frame in frames)
+        near_m = reduce(np.minimum, (np.linalg.norm(points - c, axis=1) for c in centres))
         counts = visibility.counts(points, near_m)
         good[new] = counts.through < np.maximum(MIN_SEEN, counts.on)
     return gaussians.select(good)

@@ -125,18 +125,20 @@ class _Track:
 
     def drop_outliers(self) -> None:
         """Make outliers of the anchors that contradict those on both sides."""
-        while len(self.anchors) > 1:
-            ends = sorted(self.anchors)
-            faults = [not self._agree(a, b) for a, b in pairwise(ends)]
-            alone = [
-                k
-                for k, before, after in zip(ends, [True, *faults], [*faults, True], strict=True)
-                if before and after
-            ]
-            if not alone:
-                return
-            del self.anchors[alone[0]]
-            self.outliers.add(alone[0])
+        ends = sorted(self.anchors)
+        # Before each end and after the last one: True if there is none, or it contradicts.
+        faults = [True, *(not self._agree(a, b) for a, b in pairwise(ends)), True]
+        row = 0
+        while row < len(ends) and len(ends) > 1:
+            if not (faults[row] and faults[row + 1]):
+                row += 1
+                continue
+            alone = ends.pop(row)
+            del self.anchors[alone]
+            self.outliers.add(alone)
+            is_between = 0 < row < len(ends)
+            faults[row : row + 2] = [not (is_between and self._agree(ends[row - 1], ends[row]))]
+            row = max(0, row - 1)
 
     def require_consistent(self) -> None:
         """Raise ValueError if the map contradicts many of the given poses, or their scale."""

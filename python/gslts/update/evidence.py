@@ -266,20 +266,22 @@ def _confirm_shift(
         reason = skipped[0] if skipped else "the robot offers no other frame"
         return f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
     reports = [
-        other
-        for detection in own
+        (row, other)
+        for row, detection in enumerate(own)
         for other in detection.changes
         if other.motion is not None and _overlaps(other, regions)
     ]
-    groups = [[other for other in reports if _agree(report, other, center)] for report in reports]
-    agreeing = max(groups, key=len, default=[])
-    if len(agreeing) < MIN_VIEWS:
-        return f"only {len(agreeing)} of {len(own)} views show the same shift there"
-    motion = _mean_motion(
-        [report.motion for report in agreeing if report.motion is not None], center
-    )
+    groups = [
+        [(row, other) for row, other in reports if _agree(report, other, center)]
+        for _, report in reports
+    ]
+    agreeing = max(groups, key=_count_views, default=[])
+    if _count_views(agreeing) < MIN_VIEWS:
+        return f"only {_count_views(agreeing)} of {len(own)} views show the same shift there"
+    shifts = [report for _, report in agreeing]
+    motion = _mean_motion([shift.motion for shift in shifts if shift.motion is not None], center)
     before, after = (
-        _union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1)
+        _union([report.boxes[side] for report in (change, *shifts)]) for side in (0, 1)
     )
     back = relative(motion, np.eye(4))
     boxes = (
@@ -287,6 +289,11 @@ def _confirm_shift(
         _union([after, _transform_box(before, motion)]),
     )
     return replace(change, boxes=boxes, motion=motion)
+
+
+def _count_views(reports: Sequence[tuple[int, Change]]) -> int:
+    """Return the number of views among reports, each with the row of its view."""
+    return len({row for row, _ in reports})
 
 
 def _transform_box(box: Box | None, motion: Floats) -> Box | None:

@@ -34,7 +34,7 @@ class MapUpdate:
 
     Attributes:
         status: "updated" with a new version; "unchanged" if no change was detected; "rejected" if
-            the changes could not be confirmed or the frames could not be compared with the map.
+            the changes could not be confirmed, or too few frames can be compared with the map.
         version: Newest version of the map after the call.
         reason: Reason for the rejection; None otherwise.
         result: Changes, views and record; None if no change was detected.
@@ -64,7 +64,7 @@ def update_map(
         robot: Collects the views.
         config: Settings of the update; None means the defaults.
         detection: Settings of the change detection; None means the defaults.
-        frames: Frames in which changes are detected; a change must be in several of them, and those
+        frames: Frames in which changes are detected, at least as many as must show a change; those
             that show one are views of it. None means one frame that the robot observes where it is.
         monitor: Settings of the confirmation over several frames; None means the defaults.
         on_detected: Called with the detected changes, before views are collected.
@@ -75,7 +75,7 @@ def update_map(
 
     Raises:
         OSError: A file cannot be read or written, or another process writes the map.
-        ValueError: The path is no folder of a map, or a file is damaged.
+        ValueError: The path is no folder of a map, a file is damaged, or there are too few frames.
     """
     path = Path(path)
     config = UpdateConfig() if config is None else config
@@ -125,10 +125,17 @@ def _detect(
     if frames is None:
         detected = detector.detect(robot.observe())
         return detected.changes, detected.unreliable
+    monitor = monitor or MonitorConfig()
     changes, counts = confirm_changes(detector, frames, monitor)
-    if not changes and counts.unreliable == counts.processed:
+    usable = counts.processed - counts.unreliable
+    if changes or usable >= monitor.needed:
+        return changes, None
+    if usable == 0:
         return (), (
             f"none of {counts.processed} frames can be compared with the map; "
             "gslts detect names the reasons"
         )
-    return changes, None
+    return (), (
+        f"only {usable} of {counts.processed} frames can be compared with the map, "
+        f"{monitor.needed} must show a change (--needed); gslts detect names the reasons"
+    )

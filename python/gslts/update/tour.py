@@ -39,7 +39,7 @@ class Tour:
 
     Attributes:
         regions: As the frames show them.
-        frames: Frames that show a region, with their detections.
+        frames: Registered frames that show a region, with their detections.
         skipped: Reasons for skipping other frames.
     """
 
@@ -57,7 +57,8 @@ class Tour:
         self.skipped: list[str] = []
         self._robot, self._detector, self._config = robot, detector, config
         self._progress = progress
-        self._recorded = [frame.registered() for frame in recorded if frame.fault is None]
+        # By the frame that the robot may observe too: it counts once.
+        self._recorded = {frame: frame.registered() for frame in recorded if frame.fault is None}
         self._observed: list[RgbdFrame] = []
         self._reported = tuple(regions)
         self._log_odds = [0.0] * len(regions)
@@ -103,7 +104,7 @@ class Tour:
     def _use_recorded(self, index: int) -> int:
         """Add recorded frames of a region from positions as different as possible; count them."""
         region = self.regions[index]
-        frames = [frame for frame in self._recorded if is_visible(frame, region)]
+        frames = [frame for frame, whole in self._recorded.items() if is_visible(whole, region)]
         positions = np.array([f.camera.world_from_camera[:3, 3] for f in frames]).reshape(-1, 3)
         rows = farthest_points(positions, self._config.steps + 1)
         return sum(self._add(frames[row], index) for row in sorted(rows))
@@ -148,6 +149,7 @@ class Tour:
         if any(frame is other for other in self._observed):  # A recording has no other frame there.
             return False
         self._observed.append(frame)
+        frame = frame.registered()
         name = f"frame {len(self._observed)}"
         shown = [is_visible(frame, region) for region in self.regions]
         if not any(shown):

@@ -1,13 +1,18 @@
-"""Confirmation of plain changes over frames: relocations, their ends, and shifts beside them."""
+"""Confirmation of plain changes over frames: relocations, their ends, shifts, and few frames."""
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gslts.change.changes import Box, Change
-from gslts.change.config import ObjectRule
+from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.confirmation import ChangeConfirmation, MonitorConfig, Report
+from gslts.change.detection import Detection
+from gslts.change.monitor import confirm_changes
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
 
 
 def point(x: float) -> np.ndarray:
@@ -59,3 +64,17 @@ def test_a_shift_near_a_relocation_is_another_change() -> None:
 
 def test_frames_of_a_shift_confirm_no_relocation() -> None:
     assert reports_of([RELOCATION], [SHIFT], [SHIFT]) == []
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_fewer_frames_than_must_show_a_change_are_rejected(count: int) -> None:
+    camera = Camera(fx=8, fy=8, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
+    rgb, depth = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.float32)
+    frames = [RgbdFrame(rgb, depth, camera)] * 3
+    found = Detection((REMOVAL,), None, camera, rgb.astype(np.float32))
+    detector = SimpleNamespace(config=DetectionConfig(), detect=lambda _: found)
+    message = f"at least 3, as so many must show a change, got {count}; see --needed"
+    with pytest.raises(ValueError, match=message):
+        confirm_changes(detector, frames[:count])
+    assert confirm_changes(detector, frames)[0] == [REMOVAL]
+    assert confirm_changes(detector, frames[:1], MonitorConfig(needed=1))[0] == [REMOVAL]

@@ -64,6 +64,15 @@ def test_changes_below_the_confidence_threshold_are_left_out() -> None:
             np.testing.assert_array_equal(change.point, expected.point)
 
 
+@pytest.mark.parametrize("side", ["before", "after"])
+def test_a_removal_or_an_addition_alone_is_never_sure(side: str) -> None:
+    change = one_box(side)
+    surface = change.before if side == "before" else change.after
+    assert surface is not None
+    assert core.confidence(surface) > 0.99
+    assert 0.89 < change.confidence <= 0.9, "docs/changes.md names this bound"
+
+
 def test_one_end_makes_the_other_more_likely() -> None:
     """A barely visible end is reported if a similar object is distinct elsewhere."""
     muted = (0.7, 0.4, 0.3)

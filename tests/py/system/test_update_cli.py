@@ -144,7 +144,9 @@ def test_a_recording_of_few_frames_needs_fewer_of_them(tmp_path: Path) -> None:
     capture(update_room.robot_in(update_room.changed_home("removal")), few, tmp_path / "few")
     given = ("--frames", "few", "--iterations", "40", "--threads", "1")
     done = gslts("update", "map", *given, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (0, "map is unchanged: no change was detected\n")
+    assert (done.returncode, done.stdout) == (1, "")
+    message = "expected at least 3, as so many must show a change, got 2; see --needed"
+    assert message in done.stderr.splitlines()[-1]
     done = gslts("update", "map", *given, "--needed", "1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "map is version 2 now" in done.stdout

@@ -1,5 +1,6 @@
 """Collection of views around a change."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import change_room
@@ -193,6 +194,37 @@ def test_each_frame_of_a_recording_is_used_once() -> None:
     found = collect_views(recorded, change_room.detector(), changes, COLLECT)
     assert 3 <= len(found.views) <= 6
     assert len({view.frame.time_s for view in found.views}) == len(found.views)
+
+
+def of_own_camera(frame: RgbdFrame) -> RgbdFrame:
+    """Return a frame whose depth is that of another camera at the same position."""
+    return replace(frame, depth_camera=frame.camera)
+
+
+def cut_off(frame: RgbdFrame) -> RgbdFrame:
+    """Return a frame that has depth outside of its mask."""
+    mask = np.ones(frame.depth.shape, np.bool_)
+    mask[:, :5] = False
+    return replace(frame, mask=mask)
+
+
+@pytest.mark.parametrize("change_frame", [lambda frame: frame, of_own_camera, cut_off])
+def test_each_frame_in_which_a_change_was_detected_is_one_view(
+    change_frame: Callable[[RgbdFrame], RgbdFrame],
+) -> None:
+    views = update_room.collected("removal").views[:3]
+    frames = [
+        change_frame(replace(view.frame, time_s=float(k), labels=None))
+        for k, view in enumerate(views)
+    ]
+    changes = [update_room.detected("removal")]
+    found = collect_views(
+        RecordedRobot(frames), change_room.detector(), changes, COLLECT, recorded=frames
+    )
+    assert [view.frame.time_s for view in found.views] == [0.0, 1.0, 2.0]
+    for view in found.views:
+        assert view.frame.depth_camera is None
+        assert view.frame.mask is None or not view.frame.depth[~view.frame.mask].any()
 
 
 @pytest.mark.parametrize("pixels", [0, 7])

@@ -87,6 +87,30 @@ def test_an_unconfirmed_change_is_rejected_with_its_record(folder: Path) -> None
     assert [change.kind for change in rejection.cause.changes] == ["removal"]
 
 
+@pytest.mark.parametrize(
+    ("usable", "reason"),
+    [
+        (0, "none of 4 frames can be compared with the map; gslts detect names the reasons"),
+        (
+            2,
+            "only 2 of 4 frames can be compared with the map, 3 must show a change (--needed); "
+            "gslts detect names the reasons",
+        ),
+        (3, None),
+    ],
+)
+def test_too_few_frames_that_fit_the_map_are_rejected(
+    folder: Path, usable: int, reason: str | None
+) -> None:
+    frame = update_room.robot_in(change_room.home()).observe()
+    black = replace(frame, rgb=np.zeros_like(frame.rgb))
+    frames = [*[frame] * usable, *[black] * (4 - usable)]
+    done = gslts.update_map(
+        folder, RecordedRobot(frames), UPDATE, detection=change_room.CONFIG, frames=frames
+    )
+    assert (done.status, done.reason) == ("rejected" if reason else "unchanged", reason)
+
+
 def coarse(frame: RgbdFrame) -> RgbdFrame:
     """Return the frame with depth in steps of 4 cm."""
     return replace(frame, depth=(np.round(frame.depth / 0.04) * 0.04).astype(np.float32))

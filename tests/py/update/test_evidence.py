@@ -177,3 +177,26 @@ def test_a_relocation_to_a_place_that_no_view_shows_is_rejected() -> None:
     assert confirm(move, [REGION, unseen], [gone, gone], ["no position is reachable"]) == (
         "0 view(s) show the change, 2 are needed: no position is reachable"
     )
+
+
+def shift_at(x: float, confidence: float = 0.9) -> Change:
+    """A shift of a part of an object by 6 cm."""
+    motion = np.eye(4)
+    motion[0, 3] = 0.06
+    low = np.array([x - 0.1, -0.1, 1.0])
+    before, after = ((corner, corner + 0.2) for corner in (low, low + motion[:3, 3]))
+    return Change("shift", confidence, low + 0.1, boxes=(before, after), motion=motion)
+
+
+def test_a_shift_needs_several_views_not_several_reports() -> None:
+    seat, back = shift_at(0.0), shift_at(0.2)
+    region = Region("before", seat.boxes[0][0], seat.boxes[0][1])
+    without = view_of(detection())
+    both = view_of(replace(detection(), changes=(seat, back)))
+    part = view_of(replace(detection(), changes=(back,)))
+    reason = "only 1 of 3 views show the same shift there"
+    assert confirm(seat, [region], [both, without, without], []) == reason
+    confirmed = confirm(seat, [region], [both, without, part], [])
+    assert isinstance(confirmed, Change)
+    assert confirmed.boxes[0] is not None
+    np.testing.assert_allclose(confirmed.boxes[0][1], back.boxes[0][1], err_msg="boxes of all")
