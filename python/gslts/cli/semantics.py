@@ -70,10 +70,18 @@ def semantics(
         ),
     ] = None,
     code_dims: Annotated[
-        int, typer.Option(min=8, max=64, help="Length of the semantic feature of a Gaussian.")
-    ] = 32,
+        int | None,
+        typer.Option(
+            min=8,
+            max=64,
+            help="Length of the semantic feature of a Gaussian, but for a detector. Default: 32.",
+        ),
+    ] = None,
     refine: Annotated[
-        int, typer.Option(min=0, help="Gradient steps after the closed-form solution.")
+        int,
+        typer.Option(
+            min=0, help="Gradient steps after the closed-form solution, but for a detector."
+        ),
     ] = 0,
     threads: Threads = 0,
 ) -> None:

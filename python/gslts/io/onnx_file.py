@@ -7,9 +7,9 @@ from typing import Any
 
 from gslts.io.messages import to_line
 
-MAX_FILE_BYTES = 1 << 30
-"""Maximum size of a file, 1 GiB; bounds the memory that a wrong file takes. The largest of the
-usual detectors have 0.3 GiB."""
+MAX_FILE_BYTES = 2_000_000_000
+"""Size from which a file is rejected; bounds the memory that a wrong file takes. CLIP ViT-L/14 has
+1.2 GB, and ONNX itself allows no file above 2 GiB."""
 MAX_SIDE_PX = 4096
 """Maximum side of the input image of a model, px; bounds the memory of a damaged or hostile one."""
 
@@ -49,7 +49,7 @@ def find_onnx(folder: Path, pattern: str, other: str = "") -> Path | None:
     Args:
         folder: As of `hf download`.
         pattern: Of its name, such as "text_model*.onnx". Of several precisions, the shortest name
-            is that of float32.
+            is that of float32; files that are too large come last.
         other: Part of a name that other files have; empty for none.
 
     Returns:
@@ -57,7 +57,11 @@ def find_onnx(folder: Path, pattern: str, other: str = "") -> Path | None:
     """
     found = [*folder.glob(pattern), *folder.glob(f"onnx/{pattern}")]
     fitting = [path for path in found if not other or other not in path.name]
-    return min(fitting, key=lambda path: (len(path.name), path.name), default=None)
+
+    def rank(path: Path) -> tuple[bool, int, str]:
+        return path.stat().st_size >= MAX_FILE_BYTES, len(path.name), path.name
+
+    return min(fitting, key=rank, default=None)
 
 
 def image_input(session: Any, path: Path, default_side_px: int) -> tuple[str, tuple[int, int]]:
@@ -97,12 +101,12 @@ def check_size(path: Path) -> None:
 
     Raises:
         OSError: It is no file.
-        ValueError: It is larger than `MAX_FILE_BYTES`.
+        ValueError: It has `MAX_FILE_BYTES` or more.
     """
     if path.is_dir():
         raise IsADirectoryError(f"{path}: it is a folder; expected a file of weights")
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise ValueError(f"{path}: it is larger than {MAX_FILE_BYTES >> 30} GiB")
+    if path.stat().st_size >= MAX_FILE_BYTES:
+        raise ValueError(f"{path}: it has {MAX_FILE_BYTES / 1e9:g} GB or more")
 
 
 def first_line(error: Exception) -> str:

@@ -42,7 +42,7 @@ def matching_points(points: Floats, frame: RgbdFrame, source: SemanticSource, te
     Args:
         points: [P,3] world, m.
         frame: The frame.
-        source: Segments the frame and encodes the text.
+        source: Segments the frame and encodes the text, with the threshold of the map.
         text: Such as "sofa".
 
     Returns:

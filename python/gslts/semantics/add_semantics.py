@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from gslts.datasets import open_dataset
-from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.autoencoder import CODE_DIMS, Autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.files import write_autoencoder
-from gslts.semantics.registry import SourceName, open_source, source_of_models
-from gslts.store.camera_files import cameras_of_map
+from gslts.semantics.map_frames import frames_of_map
+from gslts.semantics.registry import SourceName, check_options, open_source, source_of_models
+from gslts.store.camera_files import cameras_of_store
 from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
@@ -26,7 +27,7 @@ def add_semantics(
     source: SourceName | None = None,
     models: dict[str, Path] | None = None,
     *,
-    code_dims: int = 32,
+    code_dims: int | None = None,
     layout: str | None = None,
     refine: int = 0,
     threads: int = 0,
@@ -41,7 +42,7 @@ def add_semantics(
             or an instance segmentation network; None for the one whose models are given, or labels
             without any.
         models: Folders or files of weights and names; see `open_source`.
-        code_dims: Length of a code, d, of an autoencoder.
+        code_dims: Length of a code, d, of an autoencoder; None for `CODE_DIMS`.
         layout: Layout of the outputs of a detector; None recognizes it.
         refine: Number of gradient steps after lifting.
         threads: 0 uses one per hardware thread.
@@ -53,27 +54,33 @@ def add_semantics(
     Raises:
         ImportError: A package is missing.
         OSError: A file cannot be read or written.
-        ValueError: The map was not made from these frames, was updated since, or the source cannot
-            segment a frame.
+        ValueError: The map was not made from these frames, was updated since, the source takes no
+            such option, or it cannot segment a frame.
     """
     models = {name: folder.resolve() for name, folder in (models or {}).items()}
     source = source or source_of_models(models)
-    segmenter = open_source(source, models, threads, layout)
-    opened, cameras = open_dataset(dataset), cameras_of_map(map_path)
-    used = [frame for frame in opened.frames if frame.name in cameras]
-    if not used:
-        raise ValueError(
-            f"{map_path} was made from no frame of {dataset}; give the dataset of gslts map"
-        )
+    settings = {"code_dims": code_dims, "layout": layout, "refine": refine or None}
+    given = [name for name, value in settings.items() if value is not None]
+    check_options(source, [*models, *given])
     with open_map(map_path, writable=True) as store:
         if any(version.kind == "update" for version in store.lineage()):
             raise ValueError(
                 f"{map_path} was updated since {dataset} was recorded; gslts restore {map_path} 1 "
                 "returns to the map of these frames"
             )
-        gaussian_map = store.read()
+        gaussian_map, cameras = store.read(), cameras_of_store(store)
+        opened = open_dataset(dataset)
+        used = frames_of_map(map_path, gaussian_map, cameras, opened.frames, dataset, threads)
+        segmenter = open_source(source, models, threads, layout)
         frames = (replace(frame.read(), camera=cameras[frame.name]) for frame in progress(used))
-        semantics = embed_semantics(gaussian_map, frames, segmenter, code_dims, refine, threads)
+        semantics = embed_semantics(
+            gaussian_map,
+            frames,
+            segmenter,
+            CODE_DIMS if code_dims is None else code_dims,
+            refine,
+            threads,
+        )
         codec = semantics.codec
         cause = SemanticsCause(
             source=source,

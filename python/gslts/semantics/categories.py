@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.calibration import calibrate
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Indices, Ints32
@@ -45,8 +46,8 @@ def classify_gaussians(
         names: Names of the categories.
 
     Returns:
-        [K] int32, the number of the category; -1 where no score reaches the threshold of the
-        source.
+        [K] int32, the number of the category; -1 where no score reaches the threshold of a match
+        in this map.
 
     Raises:
         ValueError: The features do not fit the codec, or a name is empty or occurs twice.
@@ -59,5 +60,5 @@ def classify_gaussians(
     own, row_of = np.unique(rows, return_inverse=True)
     features = gaussian_map.select(own).features[row_of]
     scores = scorer.scores(source.encode(names), features)
-    is_match = scores.max(axis=0) >= source.threshold
+    is_match = scores.max(axis=0) >= calibrate(source, gaussian_map, codec).threshold
     return np.where(is_match, scores.argmax(axis=0), -1).astype(np.int32)

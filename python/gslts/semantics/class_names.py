@@ -132,7 +132,8 @@ class ClassNames:
             for form in forms
             if (key := _key(form))
             for name in self.names
-            if name.casefold().split()[-1] == key or (" " not in name and _ends(name, key))
+            if (words := _words(name.casefold()))[-1:] == [key]
+            or (len(words) == 1 and _ends(words[0], key))
         }
         if len(kinds) == 1:
             return Understood(kinds.pop(), "kind")
@@ -167,10 +168,15 @@ class ClassNames:
 
 def _key(text: str) -> str:
     """Return a text without case, spaces, hyphens and underscores: "TV monitor" is "tvmonitor"."""
-    return "".join(text.replace("-", " ").replace("_", " ").split()).casefold()
+    return "".join(_words(text)).casefold()
+
+
+def _words(text: str) -> list[str]:
+    """Split a text at spaces, hyphens and underscores."""
+    return text.replace("-", " ").replace("_", " ").split()
 
 
 def _ends(name: str, key: str) -> bool:
-    """Return whether a name is a compound that ends with a word, such as "tvmonitor"."""
-    first = name.casefold().removesuffix(key)
-    return first != name.casefold() and bool(first) and bool(noun_synonyms(first))
+    """Return whether a name in lower case is a compound with this end, such as "tvmonitor"."""
+    first = name.removesuffix(key)
+    return first not in ("", name) and bool(noun_synonyms(first))

@@ -73,7 +73,7 @@ class ClipSource:
     """Relevance of a query that matches as well as the canonical phrases (LERF, Kerr et al. 2023).
     Cosines of CLIP differ by a few hundredths, so that relevance stays near this value, and how
     much more is a match depends on the weights and the map."""
-    unrelated = UNRELATED
+    unrelated: tuple[str, ...] = UNRELATED
 
     def __init__(
         self,

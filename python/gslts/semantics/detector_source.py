@@ -40,7 +40,7 @@ class DetectorSource:
         names: Names of the classes.
     """
 
-    unrelated = ()
+    unrelated: tuple[str, ...] = ()
     threshold = 0.1
     """Minimum mean score of a Gaussian over all views that see it. Small detectors find a cup in a
     third to a half of the views, with scores of 0.3 to 0.9."""

@@ -11,6 +11,7 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.autoencoder import CODE_DIMS
 from gslts.semantics.lift import FeatureView, lift_codes, lift_features
 from gslts.semantics.refine import refine_features
 from gslts.semantics.source import Codec, SemanticSource
@@ -38,7 +39,7 @@ def embed_semantics(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
     source: SemanticSource,
-    code_dims: int = 32,
+    code_dims: int = CODE_DIMS,
     refine: int = 0,
     threads: int = 0,
 ) -> SemanticFeatures:
@@ -52,7 +53,8 @@ def embed_semantics(
         frames: With the camera poses at which the map was optimized.
         source: Segments the frames.
         code_dims: Length of a code, d, of an autoencoder.
-        refine: Number of gradient steps after lifting, as in GS-LTS; 0 for none.
+        refine: Number of gradient steps after lifting codes of an autoencoder, as in GS-LTS; 0 for
+            none.
         threads: 0 uses one per hardware thread; does not change results.
 
     Returns:

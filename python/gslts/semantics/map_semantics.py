@@ -13,10 +13,11 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.class_codec import ClassCodec
+from gslts.semantics.class_names import read_class_names
 from gslts.semantics.files import read_semantics
 from gslts.semantics.lift import FeatureView, lift_codes
 from gslts.semantics.masks import PixelBox, box_ious, box_of_mask
-from gslts.semantics.registry import open_source
+from gslts.semantics.registry import calibrate_in, open_source
 from gslts.semantics.source import Codec, SemanticSource
 from gslts.types import Bools, Floats32, Indices
 
@@ -68,11 +69,13 @@ class MapSemantics:
         cause, codec = found
         models = {name: Path(folder) for name, folder in cause.models.items()}
         try:
+            if "names" in models:
+                _check_names(models["names"], cause.names)
             source = open_source(cause.source, models, threads, cause.layout)
-        except (ImportError, FileNotFoundError) as error:
+        except (ImportError, FileNotFoundError, _NamesError) as error:
             _logger.warning("%s: new objects will have no semantic features: %s", path, error)
             return None
-        return cls(source, codec, cause.names)
+        return cls(calibrate_in(path, source, codec), codec, cause.names)
 
     def update_features(
         self,
@@ -170,6 +173,20 @@ class MapSemantics:
         """Return [K] the mean scores of the classes of a detector; 0 without Gaussians."""
         sums = gaussian_map.select(rows).features[:, 1:].sum(axis=0)
         return np.asarray(sums / max(1, len(rows)), np.float32)
+
+
+class _NamesError(ValueError):
+    """A file of names is not the one that a map was made with."""
+
+
+def _check_names(path: Path, expected: tuple[str, ...]) -> None:
+    """Require the names of a map: other ones would give objects the words of other classes."""
+    try:
+        names, _ = read_class_names(path)
+    except ValueError as error:
+        raise _NamesError(str(error)) from None
+    if names != expected:
+        raise _NamesError(f"{path}: it changed since the map got its {len(expected)} names")
 
 
 def _surroundings(gaussian_map: GaussianMap, rows: Indices) -> Indices:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from gslts._core.map import CHUNK_SIZE
 from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.calibration import MIN_GAUSSIANS, calibrate
 from gslts.semantics.clusters import (
     NOISE,
     cell_keys,
@@ -24,7 +25,6 @@ from gslts.semantics.prototypes import Prototypes, meaningful_rows
 from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import Codec, SemanticSource
-from gslts.semantics.vocabulary import REJECTED_SHARE
 from gslts.store.map_folder import read_map
 from gslts.types import Floats, Floats32, Indices
 
@@ -40,8 +40,6 @@ MIN_NEIGHBOURS, LINK_SPACINGS = 4, 3.0
 distance to the third neighbour, given by the second value."""
 FLANN_KDTREE_SINGLE = 4
 """FLANN's exact k-d tree; OpenCV has no Python name for it."""
-MIN_GAUSSIANS = 12
-"""Minimum number of Gaussians of a cluster, and of an object between two pieces."""
 MIN_SHARE_OF_PEAK, PEAK = 0.4, 0.95
 """Minimum score of a Gaussian of an object as a share of the object's peak, this quantile of its
 scores. Class scores of a detector fall off around an object, where masks of some views reach."""
@@ -107,15 +105,17 @@ class SemanticQueries:
 
     Attributes:
         gaussian_map: The map.
+        source: The source with the threshold of this map.
 
     Raises:
         ValueError: The features do not fit the codec, or that does not fit the source.
     """
 
     def __init__(self, gaussian_map: GaussianMap, codec: Codec, source: SemanticSource) -> None:
-        self.gaussian_map, self._source = gaussian_map, source
+        self.gaussian_map = gaussian_map
         self._scorer = RelevanceScorer(gaussian_map, codec, source)
         self._prototypes = Prototypes.of_map(gaussian_map)
+        self.source = calibrate(source, gaussian_map, codec, self._prototypes)
 
     @classmethod
     def of_map(
@@ -137,25 +137,13 @@ class SemanticQueries:
             ValueError: The map has no semantic features, or a file is damaged.
         """
         path = Path(path)
-        codec, source = open_text_semantics(path, text_model, threads)
+        codec, source = open_text_semantics(path, text_model, threads, calibrated=False)
         return cls(read_map(path), codec, source)
 
-    @cached_property
+    @property
     def threshold(self) -> float:
-        """Minimum relevance of a match in this map: above what most unrelated texts reach in it.
-
-        A text reaches the score that enough Gaussians for an object have.
-        """
-        source, prototypes = self._source, self._prototypes
-        if not source.unrelated or len(prototypes.counts) == 0:
-            return source.threshold
-        scores = self._scorer.scores(source.encode(source.unrelated), prototypes.features)
-        order = np.argsort(-scores, axis=1)
-        counts = np.cumsum(prototypes.counts[order], axis=1)
-        enough = np.minimum(MIN_GAUSSIANS, counts[:, -1:])
-        last = (counts >= enough).argmax(axis=1)
-        reached = np.take_along_axis(scores, order, axis=1)[np.arange(len(last)), last]
-        return max(source.threshold, float(np.quantile(reached, REJECTED_SHARE)))
+        """Minimum relevance of a match in this map."""
+        return self.source.threshold
 
     def relevance(self, text: str) -> Floats32:
         """Compute the relevance of all Gaussians to a text.
@@ -187,7 +175,7 @@ class SemanticQueries:
         Raises:
             ValueError: The text is empty or too long.
         """
-        return self._source.explain(checked_text(text))
+        return self.source.explain(checked_text(text))
 
     def find(self, text: str) -> list[Instance]:
         """Find the objects that match a text.
@@ -222,7 +210,7 @@ class SemanticQueries:
         return np.concatenate(rows), np.concatenate(points), np.concatenate(scores)
 
     def _encode(self, text: str) -> Floats32:
-        return self._source.encode([checked_text(text)])
+        return self.source.encode([checked_text(text)])
 
     def _instances(self, rows: Indices, points: Floats, scores: Floats32) -> list[Instance]:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
@@ -231,9 +219,7 @@ class SemanticQueries:
         if not kept.all():
             rows, scores, points = rows[kept], scores[kept], points[kept]
             labels = _cluster(points)
-        counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
-        large = np.flatnonzero(counts >= MIN_GAUSSIANS)
-        pieces = [np.flatnonzero(labels == label) for label in large]
+        pieces = [own for own in _members(labels) if len(own) >= MIN_GAUSSIANS]
 
         def count_between(low: Floats, high: Floats) -> int:
             """Count the scored Gaussians in a box that do not match."""
@@ -286,10 +272,16 @@ def checked_text(text: str) -> str:
 def _peaks(scores: Floats32, labels: Indices) -> Floats32:
     """Return [K] for each point the peak of the scores of its cluster; 0 for noise."""
     peaks = np.zeros_like(scores)
-    for label in range(labels.max(initial=-1) + 1):
-        own = labels == label
+    for own in _members(labels):
         peaks[own] = np.quantile(scores[own], PEAK)
     return peaks
+
+
+def _members(labels: Indices) -> list[Indices]:
+    """Return the rows of each cluster, ascending, in one pass over all; without noise."""
+    order = np.argsort(labels, kind="stable")
+    starts = np.searchsorted(labels[order], np.arange(labels.max(initial=-1) + 2))
+    return [order[start:end] for start, end in pairwise(starts)]
 
 
 def _cluster(points: Floats) -> Indices:
@@ -347,22 +339,30 @@ def _join_pieces(
         The numbers of the pieces of each object.
     """
     boxes = np.array([np.percentile(piece, TRIM, axis=0) for piece in pieces]).reshape(-1, 2, 3)
-    low = np.maximum(boxes[:, None, 0], boxes[:, 0])
-    high = np.minimum(boxes[:, None, 1], boxes[:, 1])
-    areas, overlaps = (
-        np.prod(np.maximum(0, sizes[..., :2]), axis=-1)
-        for sizes in (boxes[:, 1] - boxes[:, 0], high - low)
-    )
-    is_above = low[..., 2] - high[..., 2] < MAX_VERTICAL_GAP_M
-    is_above &= overlaps > MIN_FOOTPRINT_OVERLAP * np.minimum(areas[:, None], areas)
     pairs = []
-    for a, b in np.argwhere(np.triu(is_above, 1)):
+    for a, b in _stacked_pairs(boxes):
+        low, high = np.maximum(boxes[a, 0], boxes[b, 0]), np.minimum(boxes[a, 1], boxes[b, 1])
         # Heights from the top of one to the bottom of the other; swapped where they overlap.
-        bottom, top = (
-            np.append(low[a, b, :2], high[a, b, 2]),
-            np.append(high[a, b, :2], low[a, b, 2]),
-        )
+        bottom, top = np.append(low[:2], high[2]), np.append(high[:2], low[2])
         if count_between(bottom, top) < MIN_GAUSSIANS:
             pairs.append((a, b))
     roots = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
-    return [[int(piece) for piece in np.flatnonzero(roots == root)] for root in np.unique(roots)]
+    groups = _members(np.unique(roots, return_inverse=True)[1])
+    return [[int(piece) for piece in group] for group in groups]
+
+
+def _stacked_pairs(boxes: Floats) -> list[tuple[int, int]]:
+    """Return the pairs of boxes [P,2,3] that are one above the other, in a sweep along x."""
+    low, high = boxes[:, 0], boxes[:, 1]
+    areas = np.prod((high - low)[:, :2], axis=1)
+    order = np.argsort(low[:, 0], kind="stable")
+    ends = np.searchsorted(low[order, 0], high[:, 0])  # Boxes from here on begin behind this one.
+    pairs = []
+    for rank, a in enumerate(order):
+        others = order[rank + 1 : ends[a]]
+        inner_low, inner_high = np.maximum(low[a], low[others]), np.minimum(high[a], high[others])
+        overlaps = np.prod(np.maximum(0, inner_high - inner_low)[:, :2], axis=1)
+        is_above = inner_low[:, 2] - inner_high[:, 2] < MAX_VERTICAL_GAP_M
+        is_above &= overlaps > MIN_FOOTPRINT_OVERLAP * np.minimum(areas[a], areas[others])
+        pairs += [(min(a, b), max(a, b)) for b in others[is_above].tolist()]
+    return pairs

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Literal
 
+from gslts.semantics.calibration import calibrate
 from gslts.semantics.files import require_semantics
 from gslts.semantics.source import Codec, Oracle, SemanticSource
 from gslts.store.causes import SemanticsCause
+from gslts.store.map_folder import read_map
 
 SourceName = Literal["oracle", "clip", "detector"]
 
-MODELS: dict[SourceName, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "oracle": ((), ()),
-    "clip": (("clip", "sam"), ()),
-    "detector": (("model", "names"), ("text_model",)),
+OPTIONS: dict[SourceName, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "oracle": ((), ("code_dims", "refine")),
+    "clip": (("clip", "sam"), ("code_dims", "refine")),
+    "detector": (("model", "names"), ("text_model", "layout")),
 }
-"""Files or folders that each source needs, and those that it may have."""
+"""Models that each source needs, and further models and settings that it takes."""
 
 
 def source_of_models(names: Iterable[str]) -> SourceName:
@@ -27,7 +29,32 @@ def source_of_models(names: Iterable[str]) -> SourceName:
         names: Names of models, such as "clip" and "sam".
     """
     given = set(names)
-    return next((source for source, (needed, _) in MODELS.items() if given & {*needed}), "oracle")
+    return next((source for source, (needed, _) in OPTIONS.items() if given & {*needed}), "oracle")
+
+
+def check_options(name: SourceName, given: Collection[str]) -> None:
+    """Check that a source takes the options that are given, and has those that it needs.
+
+    Args:
+        name: Name of the source.
+        given: Names of models and settings, as in `OPTIONS`.
+
+    Raises:
+        ValueError: An option is missing, or would not be used.
+    """
+    needed, optional = OPTIONS[name]
+    needless = sorted({*given} - {*needed, *optional})
+    if needless:
+        taken = _flags((*needed, *optional))
+        raise ValueError(f"the source {name} takes no {_flags(needless)}; it takes {taken}")
+    if not {*needed} <= {*given}:
+        got = _flags(sorted(given)) or "none"
+        raise ValueError(f"the source {name} needs {_flags(needed, ' and ')}, got {got}")
+
+
+def _flags(names: Iterable[str], separator: str = ", ") -> str:
+    """Return options as a user of the command writes them."""
+    return separator.join(f"--{name.replace('_', '-')}" for name in names)
 
 
 def open_text_source(
@@ -74,7 +101,7 @@ def open_text_source(
 
 
 def open_text_semantics(
-    path: Path, text_model: Path | None = None, threads: int = 0
+    path: Path, text_model: Path | None = None, threads: int = 0, *, calibrated: bool = True
 ) -> tuple[Codec, SemanticSource]:
     """Open the semantics of a map folder for text queries.
 
@@ -82,6 +109,7 @@ def open_text_semantics(
         path: A map folder with semantic features, or a version of it such as MAP@3.
         text_model: Folder of a text model; see `open_text_source`.
         threads: For CLIP; 0 uses the default of torch.
+        calibrated: Whether the source gets the threshold of the map, which is read for it.
 
     Returns:
         The codec of its features, and the source that encodes texts.
@@ -89,10 +117,32 @@ def open_text_semantics(
     Raises:
         ImportError: A package is missing.
         OSError: A file cannot be read.
-        ValueError: The map has no semantic features, or a file is damaged.
+        ValueError: The map has no semantic features, or its source takes no text model, or a file
+            is damaged.
     """
     cause, codec = require_semantics(path)
-    return codec, open_text_source(cause, text_model, threads)
+    if text_model is not None and cause.source == "oracle":
+        raise ValueError(f"{path}: its words are those of labels: leave out --text-model")
+    source = open_text_source(cause, text_model, threads)
+    return codec, calibrate_in(path, source, codec) if calibrated else source
+
+
+def calibrate_in(path: Path, source: SemanticSource, codec: Codec) -> SemanticSource:
+    """Calibrate a source in a map folder, which is read only if the source needs it.
+
+    Args:
+        path: A map folder, or a version of it such as MAP@3.
+        source: Of its features.
+        codec: Of its features.
+
+    Returns:
+        See `calibrate`.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: A file is damaged.
+    """
+    return calibrate(source, read_map(path), codec) if source.unrelated else source
 
 
 def open_source(
@@ -102,7 +152,7 @@ def open_source(
 
     Args:
         name: Name of the source.
-        models: Folders or files, by the names of `MODELS`.
+        models: Folders or files, by the names of `OPTIONS`.
         threads: For CLIP and SAM; 0 uses the default of torch.
         layout: Layout of the outputs of a detector; None recognizes it.
 
@@ -114,14 +164,7 @@ def open_source(
         OSError: A folder or file is missing; the message says how to get it.
         ValueError: A model is not given, or is damaged.
     """
-    needed, optional = MODELS[name]
-    needless = sorted(models.keys() - {*needed, *optional})
-    if needless and not needed:
-        raise ValueError(f"the source {name} takes no model, got --{needless[0]}")
-    if needless or not set(needed) <= models.keys():
-        options = " and ".join(f"--{model}" for model in needed)
-        given = ", ".join(f"--{model}" for model in sorted(models)) or "none"
-        raise ValueError(f"the source {name} needs {options}, got {given.replace('_', '-')}")
+    check_options(name, models)
     if name == "oracle":
         return Oracle()
     if name == "detector":

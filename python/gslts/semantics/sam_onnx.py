@@ -195,6 +195,6 @@ def _checked(decoder: _Session, logits: Any, ious: Any) -> tuple[Floats32, Float
     if logits.ndim != 4 or ious.shape != logits.shape[:2] or ious.shape[1] != MAX_LEVELS:
         raise ValueError(
             f"{decoder.path}: expected {MAX_LEVELS} masks per point, got {logits.shape} with "
-            f"scores {ious.shape}"
+            f"scores {ious.shape}; export the decoder without --return-single-mask"
         )
     return np.asarray(logits, np.float32), np.asarray(ious, np.float32)

@@ -106,21 +106,20 @@ class Codec(Protocol):
 
 
 class SemanticSource(Protocol):
-    """Segments frames, and embeds segments and texts in one space."""
+    """Segments frames, and embeds segments and texts in one space.
+
+    Attributes:
+        threshold: Minimum relevance score of a match, 0 to 1.
+        unrelated: Texts that match nothing, by which `calibrate` raises the threshold in a map;
+            empty if it needs none.
+    """
+
+    threshold: float
+    unrelated: tuple[str, ...]
 
     @property
     def dims(self) -> int:
         """Length of an embedding, D."""
-        ...
-
-    @property
-    def threshold(self) -> float:
-        """Minimum relevance score of a match, 0 to 1."""
-        ...
-
-    @property
-    def unrelated(self) -> Sequence[str]:
-        """Texts that match nothing, to raise the threshold in a map by; empty if it needs none."""
         ...
 
     @property
@@ -195,7 +194,7 @@ class Oracle:
     codec = None
     """An autoencoder is trained on the embeddings."""
     relevance = staticmethod(relevance)
-    unrelated = ()
+    unrelated: tuple[str, ...] = ()
     threshold = 0.62
     """Between the relevance of the right name, about 1 / (1 + exp(-1)) = 0.73, and that of another,
     about 0.5."""

@@ -7,6 +7,8 @@ wordnet-base.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -24,6 +26,7 @@ ENDINGS = (
     ("xes", "x"),
     ("zes", "z"),
     ("ves", "f"),
+    ("ves", "fe"),
     ("oes", "o"),
     ("ies", "y"),
     ("men", "man"),
@@ -31,6 +34,8 @@ ENDINGS = (
 )
 """Endings of plurals and of their singulars: the rules of detachment of morphy(7WN), and -ves
 and -oes, which WordNet lists word by word."""
+IRREGULAR = {"mice": ("mouse",), "people": ("person",)}
+"""Irregular plurals of classes of COCO, which are understood without WordNet."""
 
 
 def singular_forms(text: str) -> list[str]:
@@ -44,7 +49,7 @@ def singular_forms(text: str) -> list[str]:
     """
     word = text.strip().casefold()
     first, _, last = word.rpartition(" ")
-    forms = [*_exceptions().get(last, ())]
+    forms = [*_exceptions().get(last, ()), *IRREGULAR.get(last, ())]
     forms += [last.removesuffix(end) + new for end, new in ENDINGS if last.endswith(end)]
     return [f"{first} {form}".strip() for form in forms if form]
 
@@ -58,20 +63,39 @@ def noun_synonyms(text: str) -> tuple[str, ...]:
     Returns:
         Nouns, those of its most frequent meaning first; with the text itself. Empty if it is no
         noun of WordNet, or if WordNet is not installed.
+
+    Raises:
+        OSError: A file of WordNet cannot be read.
+        ValueError: A file of WordNet is damaged.
     """
     folder = _folder()
     offsets = _index(folder).get("_".join(text.casefold().split()), ()) if folder else ()
     if folder is None or not offsets:
         return ()
     words: list[str] = []
-    with (folder / "data.noun").open("rb") as file:
+    path = folder / "data.noun"
+    with _naming(path), path.open("rb") as file:
         for offset in offsets[:MAX_MEANINGS]:
             file.seek(offset)
             # Offset, file, type, number of words, then each word with its sense.
             fields = file.readline(1 << 16).decode("ascii", "replace").split(" ")
+            if int(fields[0]) != offset:
+                raise ValueError("another line begins here")
             count = int(fields[3], 16)
             words += [word.replace("_", " ") for word in fields[4 : 4 + 2 * count : 2]]
     return tuple(dict.fromkeys(words))
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the file in the error of a line that does not have its format."""
+    try:
+        yield
+    except (ValueError, IndexError):
+        raise ValueError(
+            f"{path}: it is no file of WordNet, or damaged; install it again, or name another "
+            f"folder in {FOLDER_VARIABLE}"
+        ) from None
 
 
 def _folder() -> Path | None:
@@ -89,7 +113,8 @@ def _is_readable(path: Path) -> bool:
 def _index(folder: Path) -> dict[str, tuple[int, ...]]:
     """Return the offsets of the meanings of each noun in `data.noun`."""
     index = {}
-    with (folder / "index.noun").open(encoding="ascii", errors="replace") as file:
+    path = folder / "index.noun"
+    with _naming(path), path.open(encoding="ascii", errors="replace") as file:
         for line in file:
             if not line.startswith(" "):  # The licence.
                 word, _, meanings, *rest = line.split()

@@ -23,7 +23,7 @@ from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.files import read_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.registry import open_text_source
-from gslts.semantics.source import Codec, SemanticSource
+from gslts.semantics.source import Codec
 from gslts.semantics.vocabulary import NOUNS
 from gslts.store.camera_files import cameras_of_store
 from gslts.store.causes import Box
@@ -62,13 +62,11 @@ class Semantics:
 
     Attributes:
         codec: Decodes the features.
-        source: Encodes texts.
         names: Words that an object can be called by.
         queries: Queries on the map.
     """
 
     codec: Codec
-    source: SemanticSource
     names: tuple[str, ...]
     queries: SemanticQueries
 
@@ -304,7 +302,7 @@ class ViewedMap:
             offsets = gaussian_map.means - (point - gaussian_map.origin)
             rows = np.flatnonzero(np.linalg.norm(offsets, axis=1) < PICK_RADIUS_M)
             classes = classify_gaussians(
-                gaussian_map, rows, semantics.codec, semantics.source, semantics.names
+                gaussian_map, rows, semantics.codec, semantics.queries.source, semantics.names
             )
             votes = np.bincount(classes[classes >= 0], minlength=1)
             if not votes.any():
@@ -388,7 +386,7 @@ class ViewedMap:
         cause, codec = found
         source = open_text_source(cause, self._clip)
         queries = SemanticQueries(self.gaussians(number), codec, source)
-        return Semantics(codec, source, cause.names or NOUNS, queries)
+        return Semantics(codec, cause.names or NOUNS, queries)
 
     def _make_plan(self, number: int) -> SemanticMap:
         return make_semantic_map(self.gaussians(number), RobotBody())

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslts.semantics.class_names import ClassNames, read_class_names
+from gslts.semantics.class_names import ClassNames, Understood, read_class_names
 from gslts.semantics.text_model import TextModel
 from gslts.semantics.wordnet import FOLDER_VARIABLE, noun_synonyms, singular_forms
 
@@ -61,7 +61,8 @@ def no_wordnet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("dining-tables", "diningtable"),
         ("wine glasses", "wine glass"),
         ("cell_phone", "cell phone"),
-        ("knives", None),
+        ("knives", "knife"),
+        ("mice", "mouse"),
         ("couch", None),
         ("", None),
         ("🙂", None),
@@ -103,6 +104,32 @@ def test_rare_meanings_are_no_synonyms() -> None:
 @pytest.mark.usefixtures("wordnet")
 def test_a_word_of_several_kinds_means_none() -> None:
     assert ClassNames(("cell phone", "desk phone")).understand("phone") is None
+
+
+@pytest.mark.usefixtures("no_wordnet")
+@pytest.mark.parametrize("name", ["cell_phone", "cell-phone", "Cell Phone"])
+def test_kinds_are_those_of_names_with_any_separator(name: str) -> None:
+    for text in ("phone", "phones"):
+        assert ClassNames((name, "cup", "-")).understand(text) == Understood(name, "kind")
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "named"),
+    [
+        ("index.noun", "couch n\n", "index.noun"),
+        ("index.noun", "couch n x\n", "index.noun"),
+        ("index.noun", "couch n 1 1 @ 1 0 first\n", "index.noun"),
+        ("index.noun", "couch n 1 1 @ 1 0 00000001\n", "data.noun"),
+        ("index.noun", "couch n 1 1 @ 1 0 99999999\n", "data.noun"),
+        ("data.noun", "short", "data.noun"),
+    ],
+)
+def test_damaged_files_of_wordnet_are_named(
+    wordnet: Path, file: str, content: str, named: str
+) -> None:
+    (wordnet / file).write_text(content)
+    with pytest.raises(ValueError, match=rf"^\S+/{named}: it is no file of WordNet"):
+        ClassNames(NAMES).understand("couch")
 
 
 @pytest.mark.usefixtures("no_wordnet")

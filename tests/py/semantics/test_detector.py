@@ -233,7 +233,7 @@ def test_files_that_are_no_detectors_are_named(tmp_path: Path) -> None:
         Detector(path, CLASSES)
     with path.open("wb") as file:
         file.truncate(2_000_000_000)  # Sparse: it takes no space.
-    with pytest.raises(ValueError, match=r"net\.onnx: it is larger than 1 GiB"):
+    with pytest.raises(ValueError, match=r"net\.onnx: it has 2 GB or more"):
         Detector(path, CLASSES)
     with pytest.raises(IsADirectoryError):
         Detector(tmp_path, CLASSES)

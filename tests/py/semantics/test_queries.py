@@ -1,7 +1,9 @@
 """Text queries on synthetic maps with known semantic features."""
 
+import tracemalloc
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics import queries as queries_module
 from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
@@ -142,6 +145,51 @@ def test_pieces_side_by_side_are_not_joined() -> None:
     assert len(queries(left, right).find("lamp")) == 2
 
 
+def test_pieces_are_joined_as_by_comparing_all_pairs() -> None:
+    """Random boxes of some heights, of which some hide each other from above."""
+    rng = np.random.default_rng(0)
+    lows = rng.uniform((0, 0, 0), (3, 3, 2), (120, 3))
+    sizes = rng.uniform(0.1, 0.8, (120, 3)) * (1, 1, 0.2)
+    pieces = [rng.uniform(low, low + size, (40, 3)) for low, size in zip(lows, sizes, strict=True)]
+    blocked = rng.random((120, 120)) < 0.3
+
+    def count_between(low: np.ndarray, high: np.ndarray) -> int:
+        cell = (20 * (low + high)).astype(int) % 120
+        return 12 if blocked[cell[0], cell[2]] else 0
+
+    boxes = [np.percentile(piece, queries_module.TRIM, axis=0) for piece in pieces]
+    groups = {number: {number} for number in range(120)}
+    for a, b in combinations(range(120), 2):
+        low, high = (
+            choose(boxes[a][k], boxes[b][k]) for k, choose in enumerate((np.maximum, np.minimum))
+        )
+        areas = [np.prod((box[1] - box[0])[:2]) for box in (boxes[a], boxes[b])]
+        overlap = np.prod(np.maximum(0, high - low)[:2])
+        bottom, top = (*low[:2], high[2]), (*high[:2], low[2])
+        if (
+            low[2] - high[2] < queries_module.MAX_VERTICAL_GAP_M
+            and overlap > queries_module.MIN_FOOTPRINT_OVERLAP * min(areas)
+            and count_between(np.array(bottom), np.array(top)) == 0
+        ):
+            both = groups[a] | groups[b]
+            groups.update(dict.fromkeys(both, both))
+    expected = sorted({tuple(sorted(group)) for group in groups.values()})
+    assert 40 < len(expected) < 110
+    assert [tuple(own) for own in queries_module._join_pieces(pieces, count_between)] == expected
+
+
+def test_memory_does_not_grow_with_the_square_of_the_number_of_objects() -> None:
+    corners = np.stack(np.divmod(np.arange(1500), 40), axis=1) @ ((1, 0, 0), (0, 1, 0))
+    mugs = (corners[:, None] + block((0, 0, 0), (0.04, 0.02, 0.02))).reshape(-1, 3)
+    some = queries(("Mug", mugs))
+    tracemalloc.start()
+    try:
+        assert len(some.find("mug")) == 1500
+        assert tracemalloc.get_traced_memory()[1] < 30e6
+    finally:
+        tracemalloc.stop()
+
+
 def test_a_small_object_of_a_large_map_is_found() -> None:
     points = np.random.default_rng(0).uniform((-20, -20, 0), (20, 20, 3), (600_000, 3))
     parts = (("Wall", points[:300_001]), ("Mug", FIRST[:14]), ("Wall", points[300_001:]))
@@ -172,6 +220,16 @@ def test_unrelated_texts_raise_the_threshold_of_a_map() -> None:
         np.testing.assert_allclose(instance.low, points.min(axis=0) + ORIGIN, atol=0.003)
     nothing = SemanticQueries(map_of((None, FIRST)), autoencoder(), Calibrated())
     assert nothing.find("mug") == []
+
+
+def test_categories_have_the_threshold_of_queries() -> None:
+    gaussian_map = map_of(WALL, ("Mug", FIRST), ("Sofa", SECOND))
+    some = SemanticQueries(gaussian_map, autoencoder(), Calibrated())
+    rows = np.arange(gaussian_map.size)
+    for text in (*NOUNS[::10], "mug"):
+        for source in (Calibrated(), some.source):
+            classes = classify_gaussians(gaussian_map, rows, autoencoder(), source, [text])
+            np.testing.assert_array_equal(classes == 0, some.relevance(text) >= some.threshold)
 
 
 def test_absent_objects_are_not_found() -> None:

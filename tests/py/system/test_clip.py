@@ -372,7 +372,7 @@ def test_commands_add_semantics_and_answer_queries(
 def test_bad_sources_are_rejected() -> None:
     oracle = SemanticsCause.model_construct(source="oracle")
     assert open_text_source(oracle).dims == 512
-    with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
+    with pytest.raises(ValueError, match="the source oracle takes no --clip; it takes --code-dims"):
         open_source("oracle", {"clip": Path("clip")})
     with pytest.raises(ValueError, match="does not record the folder of its CLIP"):
         open_text_source(oracle.model_copy(update={"source": "clip"}))

@@ -123,7 +123,7 @@ def test_an_object_that_came_is_named_by_the_detector(taught: Path, tmp_path: Pa
         ("a\nb\nc\n", (), "it has 4 (fastestdet) classes, but there are 3 names"),
         ("", (), "it has no name; expected one per line"),
         ("a\nb\nc\nd\n", ("--layout", "yolov5"), "are not of yolov5"),
-        ("a\nb\nc\nd\n", ("--clip", "x"), "the source detector needs --model and --names"),
+        ("a\nb\nc\nd\n", ("--clip", "x"), "the source detector takes no --clip; it takes --model"),
     ],
 )
 def test_what_does_not_fit_is_one_clear_line(
