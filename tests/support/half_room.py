@@ -21,7 +21,14 @@ from gslts_sim.robot_body import Viewpoint
 MIDDLE_M, OVERLAP_M = 1.9, 0.8
 """The map is of frames that look at smaller x, the recording of those that look farther, m."""
 CONFIG = MappingConfig(
-    iterations=800, patience=1.0, rough_epochs=0, coarse_share=0.3, variant_steps=0, threads=1
+    iterations=800,
+    patience=1.0,
+    rough_epochs=0,
+    pose_std_m=0.001,  # Given poses are exact.
+    pose_std_rad=0.0005,
+    coarse_share=0.3,
+    variant_steps=0,
+    threads=1,
 )
 
 

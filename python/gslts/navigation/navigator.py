@@ -49,8 +49,9 @@ class Navigator:
         categories: Sequence[str] = (),
     ) -> None:
         self.body = RobotBody() if body is None else body
-        self.gaussian_map, self.source = gaussian_map, source
+        self.gaussian_map = gaussian_map
         self.queries = SemanticQueries(gaussian_map, codec, source)
+        self.source = self.queries.source
         self.semantic_map: SemanticMap = make_semantic_map(
             gaussian_map, self.body, Categories(tuple(categories), codec, source)
         )
