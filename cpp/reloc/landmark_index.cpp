@@ -97,9 +97,14 @@ Matches LandmarkIndex::match(const Features& features, int k) const {
   Matches matches{k, Array<std::int32_t>(count * columns, -1),
                   Array<std::int32_t>(count * columns, kDescriptorBits)};
   if (count == 0 || index_->keyframes.empty()) return matches;
-  cv::Mat landmarks(int(count), k, CV_32S, matches.landmarks.data());
-  cv::Mat distances(int(count), k, CV_32S, matches.distances.data());
-  index_->hashes.knnSearch(rows_of(features.descriptors), landmarks, distances, k);
+  // FLANN searches for no more landmarks than there are.
+  const int searched = int(std::min(columns, index_->keyframes.size()));
+  cv::Mat landmarks(int(count), searched, CV_32S, cv::Scalar(-1));
+  cv::Mat distances(int(count), searched, CV_32S, cv::Scalar(kDescriptorBits));
+  index_->hashes.knnSearch(rows_of(features.descriptors), landmarks, distances, searched);
+  const cv::Range first(0, searched);
+  landmarks.copyTo(cv::Mat(int(count), k, CV_32S, matches.landmarks.data()).colRange(first));
+  distances.copyTo(cv::Mat(int(count), k, CV_32S, matches.distances.data()).colRange(first));
   // FLANN leaves the largest integer where it finds fewer.
   for (std::int32_t& distance : matches.distances) distance = std::min(distance, kDescriptorBits);
   return matches;

@@ -350,6 +350,20 @@ TEST(LandmarkIndex, TakesExtremes) {
   EXPECT_THAT(same.distances, Each(0));
 }
 
+TEST(LandmarkIndex, GivesAllLandmarksIfThereAreFewerThanWanted) {
+  std::mt19937 random(14);
+  Landmarks landmarks;
+  Features features;
+  for (int i = 0; i < 3; ++i) landmarks.add({0, 0, 0}, 0, Descriptor{});
+  for (int i = 0; i < 2; ++i) add(features, {1, 1}, flipped(Descriptor{}, 2 * i, random));
+  const Matches matches = LandmarkIndex(landmarks.view()).match(features, 5);
+  ASSERT_EQ(matches.landmarks.size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) {
+    EXPECT_EQ(matches.landmarks[i] >= 0, i % 5 < 3) << i;
+    EXPECT_EQ(matches.distances[i], i % 5 < 3 ? 2 * int(i / 5) : 256) << i;
+  }
+}
+
 TEST(LandmarkIndexErrors, NameWhatIsWrong) {
   std::mt19937 random(13);
   Landmarks landmarks;

@@ -152,25 +152,62 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
         OSError: The data set cannot be read.
         ValueError: It is damaged, or no frame is left.
     """
+    return read_recording(path, localizer)[0]
+
+
+def read_recording(
+    path: Path, localizer: Localizer | None, *, needs_poses: bool = False
+) -> tuple[dict[str, RgbdFrame], dict[str, RgbdFrame]]:
+    """Read the frames of a data set as `read_frames` does, and also at its own poses.
+
+    Args:
+        path: Data set.
+        localizer: Localizer in the map; None keeps the poses of the data set.
+        needs_poses: True if its own poses are used; frames without are reported before reading.
+
+    Returns:
+        Frames by name in the map, and at the poses of the data set, also those that are lost.
+
+    Raises:
+        OSError: The data set cannot be read.
+        ValueError: It is damaged, or no frame is left.
+    """
     from tqdm import tqdm
 
-    read: dict[str, RgbdFrame] = {}
     opened = _open_frames(path, posed=localizer is None)
+    if localizer is not None and needs_poses:
+        _require_poses(path, opened)
+    unposed = {entry.name for entry in opened.unposed}
+    in_map: dict[str, RgbdFrame] = {}
+    given: dict[str, RgbdFrame] = {}
     for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
         try:
-            frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
-            fault = frame.fault
+            own = entry.read()
+            frame = own if localizer is None else localizer.localize_frame(own)
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
-            fault = to_line(str(error))
-        if fault is None:
-            read[entry.name] = frame
+            typer.echo(f"skipped {entry.name}: {to_line(str(error))}", err=True)
+            continue
+        if entry.name not in unposed:
+            given[entry.name] = own
+        if frame.fault is None:
+            in_map[entry.name] = frame
         else:
-            typer.echo(f"skipped {entry.name}: {fault}", err=True)
-    if not read and localizer is None:
+            typer.echo(f"skipped {entry.name}: {frame.fault}", err=True)
+    if not in_map and localizer is None:
         raise ValueError(f"{path}: none of its frames can be read")
-    if not read:
+    if not in_map:
         raise ValueError(f"{path}: none of its frames was localized in the map")
-    return read
+    return in_map, given
+
+
+def _require_poses(path: Path, opened: Dataset) -> None:
+    """Report frames of a data set without a pose; if all have none, raise ValueError."""
+    hint = f"gslts extend MAP {path} --poses estimate finds poses by the images"
+    count = len(opened.unposed)
+    if count == len(opened.frames):
+        raise ValueError(f"{path}: its frames have no poses, which --extend needs; {hint}")
+    if count:
+        typer.echo(f"{count} frames have no pose and extend no map; {hint}", err=True)
 
 
 def _relocalizer(map_path: Path, settings: dict[str, int]) -> Relocalizer:

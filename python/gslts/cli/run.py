@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gslts.cli.arguments import Control, WritableMap, require_view
-from gslts.cli.localize import Localize, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_recording
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
@@ -101,11 +101,11 @@ def run(
     if share:
         require_remote_state(map_path)
     if robot is not None and frames is None:
-        opened, recording = open_robot(robot), None
+        opened, given = open_robot(robot), None
         round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
         localizer = localizer_of(map_path, threads) if localize else None
-        recording = read_frames(frames, localizer)
+        recording, given = read_recording(frames, localizer, needs_poses=extend)
         round_of, available = _rounds_of_recording(recording), None
         source = str(frames.resolve())
     else:
@@ -158,8 +158,8 @@ def run(
                     driven, viewpoints = round_of(number)
                     shown = in_map(driven)
                     keeper.go_round(shown, viewpoints, partial(follow_goal, shown))
-                    if extend and recording is not None:
-                        keeper.extend(recording, str(frames))
+                    if extend and given is not None:
+                        keeper.extend(given, str(frames))
                     elif extend:
                         keeper.explore(shown)
                     if share:

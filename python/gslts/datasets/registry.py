@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from gslts.datasets.colmap import is_colmap, open_colmap
-from gslts.datasets.dataset import Dataset, join_reasons
+from gslts.datasets.dataset import Dataset, Frame, join_reasons
 from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
 from gslts.datasets.polycam import is_polycam, open_polycam
 from gslts.datasets.record3d import is_record3d, open_record3d
@@ -45,7 +46,7 @@ def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset
     Args:
         path: A folder or a file.
         posed: True if frames need a pose. If False, `frames` also holds those of `unposed`, for
-            callers who localize frames themselves.
+            callers who localize frames themselves, in the order of the recording.
 
     Raises:
         OSError: The path does not exist or cannot be read.
@@ -71,6 +72,23 @@ def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset
 
 def _select_usable(dataset: Dataset, posed: bool) -> Dataset:
     if not posed:
-        return replace(dataset, frames=(*dataset.frames, *dataset.unposed))
+        return replace(dataset, frames=_in_order(dataset))
     without_pose = tuple(f"{frame.name}: {dataset.why_unposed}" for frame in dataset.unposed)
     return replace(dataset, skipped=(*dataset.skipped, *without_pose))
+
+
+def _in_order(dataset: Dataset) -> tuple[Frame, ...]:
+    """Return frames with and without poses in the order of the recording: by name if both exist.
+
+    Frame 10 comes after frame 9, whatever the number of digits.
+    """
+    frames = (*dataset.frames, *dataset.unposed)
+    if not (dataset.frames and dataset.unposed):
+        return frames
+    return tuple(sorted(frames, key=lambda frame: _with_numbers(frame.name)))
+
+
+def _with_numbers(name: str) -> list[tuple[int, str]]:
+    """Return a key that orders names by their numbers: each part is a number or a text."""
+    parts = re.findall(r"\d+|\D+", name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]

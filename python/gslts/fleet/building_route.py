@@ -16,7 +16,7 @@ from gslts.fleet.building_file import Door
 from gslts.fleet.building_query import BuildingAnswer, FoundObject
 from gslts.navigation.planner import MAX_START_OFFSET_M, PlannedPath
 from gslts.navigation.semantic_map import make_semantic_map
-from gslts.navigation.terrain import Terrain
+from gslts.navigation.terrain import MAX_HEIGHT_M, MIN_HEIGHT_M, Terrain
 from gslts.navigation.trip import GOAL_DISTANCE_M
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
@@ -24,8 +24,6 @@ from gslts.types import Floats
 MAX_DOOR_OFFSET_M = MAX_START_OFFSET_M / 3
 """Maximum distance from a door to the free floor of both maps. From the free floor of one map, a
 robot that stands a little beside it must find that of the other one within `MAX_START_OFFSET_M`."""
-MIN_HEIGHT_M, MAX_HEIGHT_M = -0.5, 2.0
-"""Range of heights of doors and cameras above the floor of their room: tells storeys apart."""
 MAX_REASONS = 4
 """Maximum number of reasons that a message names: two lines of a terminal."""
 
@@ -125,13 +123,12 @@ class RoomFloor:
         return self._lift(positions)[:, :2]
 
     def is_known(self, position: Floats) -> bool:
-        """Test if there is free floor below or near a position.
+        """Test if there is free floor below or near the position of a camera.
 
         Args:
             position: (3,) in the building frame, m.
         """
-        is_inside = MIN_HEIGHT_M <= position[2] - self._height_m <= MAX_HEIGHT_M
-        return is_inside and self.terrain.is_known(self.to_map(position))
+        return self.terrain.is_known(inverse_transform(self.building_from_map, position))
 
     def problem_of(self, door: Door) -> str:
         """Return why the map does not reach a door; empty if it does.
@@ -277,21 +274,10 @@ class RoutePlanner:
         if not found:
             return
         free = terrain.free_positions()
-        distances_m = [_distances_m(item, free) for item in found]
+        distances_m = [item.target.distances_m(free, GOAL_DISTANCE_M) for item in found]
         path = terrain.plan_to_any(at, free[np.min(distances_m, axis=0) <= GOAL_DISTANCE_M])
         if path.reason:
             self._reasons.append(f"{room}: {path.reason}")
             return
         nearest = np.argmin([item.target.distances_m(path.points[-1:])[0] for item in found])
         yield Leg(room, np.array([start, *floor.to_building(path.points)[1:]]), found[nearest])
-
-
-def _distances_m(found: FoundObject, positions: Floats) -> Floats:
-    """Return the distances [P] of positions from an object, m; infinite far from it."""
-    points = found.target.points[:, :2]
-    low, high = points.min(axis=0) - GOAL_DISTANCE_M, points.max(axis=0) + GOAL_DISTANCE_M
-    near = ((positions >= low) & (positions <= high)).all(axis=1)
-    distances = np.full(len(positions), np.inf)
-    if near.any():
-        distances[near] = found.target.distances_m(positions[near])
-    return distances

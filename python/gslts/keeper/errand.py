@@ -177,11 +177,17 @@ def drive_to(
 def _until_settled(
     keeper: MapKeeper, robot: Robot, attempt: Callable[[], tuple[Planned, NavigationResult]]
 ) -> tuple[Planned, NavigationResult]:
-    """Attempt a trip again while it fails and the map was updated meanwhile."""
+    """Attempt a trip again while it fails and the map was updated meanwhile.
+
+    A robot that has reached the object stays there: `keeper.reports` returns later what the last
+    frames confirmed, as it would drive away for views of that.
+    """
     for _ in range(MAX_ATTEMPTS):
         version = keeper.version.number
         planned, result = attempt()
+        if result.status == "reached":
+            break
         keeper.integrate(robot, keeper.reports())
-        if result.status == "reached" or keeper.version.number == version:
+        if keeper.version.number == version:
             break
     return planned, result

@@ -60,13 +60,14 @@ class SurfaceCloud:
         return near
 
 
-def depth_points(pyramid: ImagePyramid) -> Floats:
-    """Return the measured points [P,3] of a frame in its camera frame, m, at `CLOUD_LEVEL`.
+def depth_points(pyramid: ImagePyramid, level: int = CLOUD_LEVEL) -> Floats:
+    """Return the measured points [P,3] of a frame in its camera frame, m.
 
     Args:
         pyramid: Images of the frame.
+        level: Level of the pyramid, or the coarsest if it has fewer.
     """
-    level = min(CLOUD_LEVEL, len(pyramid.frames) - 1)
+    level = min(level, len(pyramid.frames) - 1)
     depth, camera = pyramid.depths[level], at_pose(pyramid.frames[level].camera, np.eye(4))
     rows, columns = np.nonzero(depth)
     pixels = np.column_stack([columns, rows]).astype(np.float64) + 0.5

@@ -18,8 +18,11 @@ _HASH = np.array([73856093, 19349663, 83492791])
 """Teschner et al. 2003, Optimized Spatial Hashing for Collision Detection of Deformable Objects."""
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 """Sides of `searchsorted`, whose results bound the equal keys."""
-_NEIGHBOURS = np.array([cell for cell in product((-1, 0, 1), repeat=3) if cell >= (0, 0, 0)])
-"""Offsets of a cell to itself, first, and to half of its neighbours: each pair of cells once."""
+_NEIGHBOURS = np.array(list(product((-1, 0, 1), repeat=3)))
+"""Offsets of a cell to itself and to its neighbours."""
+_BLOCK = 1024
+"""Maximum number of landmarks of which all pairs in a cell are compared: a landmark that is seen
+often is compared with each of its other sightings. Half of it takes as long in total."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +138,7 @@ def remove_duplicates(landmarks: Landmarks) -> Landmarks:
     Args:
         landmarks: Landmarks of several keyframes.
     """
-    kept = np.ones(landmarks.size, np.bool_)
-    firsts, seconds = _duplicates(landmarks)
-    for first, second in zip(firsts.tolist(), seconds.tolist(), strict=True):
-        if kept[first]:
-            kept[second] = False
-    return landmarks.select(kept)
+    return landmarks.select(_without_duplicates(landmarks, np.arange(landmarks.size)))
 
 
 def limit_size(landmarks: Landmarks, max_bytes: int) -> Landmarks:
@@ -161,27 +159,48 @@ def limit_size(landmarks: Landmarks, max_bytes: int) -> Landmarks:
     return landmarks.select(np.sort(order[kept]))
 
 
-def _duplicates(landmarks: Landmarks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return [P] and [P] rows of similar pairs at one position, ordered by the second row."""
+def _without_duplicates(landmarks: Landmarks, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the rows, in their order, that are no duplicates of earlier ones of them.
+
+    The second half is compared with what is kept of the first one, so that the number of pairs
+    does not grow with the square of how often a landmark was seen.
+    """
+    if len(rows) <= _BLOCK:
+        dropped: set[int] = set()
+        for first, second in _duplicates(landmarks, rows, rows).T.tolist():
+            if first not in dropped:
+                dropped.add(second)
+        return rows[[row not in dropped for row in rows.tolist()]]
+    half = len(rows) // 2
+    kept, others = _without_duplicates(landmarks, rows[:half]), rows[half:]
+    others = others[~np.isin(others, _duplicates(landmarks, kept, others)[1])]
+    return np.concatenate([kept, _without_duplicates(landmarks, others)])
+
+
+def _duplicates(
+    landmarks: Landmarks, firsts: NDArray[np.intp], seconds: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Return [2,P] similar pairs at one position, of an earlier and a later row, by the later."""
     positions, words = landmarks.positions, landmarks.descriptors.view(np.uint64)
-    keys = np.floor(positions / SAME_LANDMARK_M).astype(np.int64) @ _HASH
+    keys, wanted = (
+        np.floor(positions[rows] / SAME_LANDMARK_M).astype(np.int64) @ _HASH
+        for rows in (firsts, seconds)
+    )
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
     pairs = [np.zeros((2, 0), np.intp)]
     for offset in _NEIGHBOURS:
-        starts, ends = (np.searchsorted(ordered, keys + offset @ _HASH, side) for side in _SIDES)
+        starts, ends = (np.searchsorted(ordered, wanted + offset @ _HASH, side) for side in _SIDES)
         counts = ends - starts
-        own = np.repeat(np.arange(landmarks.size), counts)
-        other = order[np.arange(len(own)) + np.repeat(starts - np.cumsum(counts) + counts, counts)]
-        pair = np.sort([own, other], axis=0)
-        pair = pair[:, own != other]
+        found = np.arange(counts.sum()) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+        pair = np.array([firsts[order[found]], np.repeat(seconds, counts)])
+        pair = pair[:, pair[0] < pair[1]]
         near = np.linalg.norm(positions[pair[0]] - positions[pair[1]], axis=1) < SAME_LANDMARK_M
         pair = pair[:, near]
         bits = np.bitwise_count(words[pair[0]] ^ words[pair[1]]).sum(axis=1)
         pairs.append(pair[:, bits < SAME_LANDMARK_BITS])
-    firsts, seconds = np.concatenate(pairs, axis=1)
-    by_second = np.lexsort((firsts, seconds))
-    return firsts[by_second], seconds[by_second]
+    joined = np.concatenate(pairs, axis=1)
+    return joined[:, np.lexsort(joined)]
 
 
 def _are_rigid(poses: Floats) -> bool:

@@ -23,9 +23,10 @@ height by some centimetres."""
 MIN_COVERAGE = 0.3
 """Minimum area of surfaces in a cell over the area of the cell, for the cell to be occupied or
 explored. A wall seen from above has far more."""
-MIN_GAUSSIANS = 5
-"""Minimum number of Gaussians of an obstacle in a cell and its eight neighbours; removes single
-stray Gaussians."""
+MIN_GAUSSIANS, MIN_COUNT_SIDE_M = 5, 0.15
+"""Minimum number of Gaussians of an obstacle in the square around a cell, and minimum side of this
+square, m: three cells of the default robot. Removes single stray Gaussians. Gaussians of a wall are
+centimetres apart: smaller squares in the fine grids of small robots would hold too few."""
 MAX_BELOW_FLOOR_M = 0.15
 """Depth below the floor down to which surfaces belong to it: Gaussians of smooth floors are too
 deep."""
@@ -137,7 +138,10 @@ def _remove_small_areas(explored: Bools, obstacles: Bools, radius_cells: float) 
 def _occupied_cells(grid: Grid, surfaces: SurfacePoints, selected: Bools) -> Bools:
     """Return [M,M] cells with enough surface, from more than a stray Gaussian."""
     counts = grid.sums(surfaces.points[selected], surfaces.shares[selected])
-    nearby = cv2.boxFilter(counts, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    side = max(3, int(np.ceil(MIN_COUNT_SIDE_M / grid.cell_m - 1e-9)) | 1)  # Odd, in cells.
+    nearby = cv2.boxFilter(
+        counts, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
     coverage = _coverage(grid, surfaces, selected)
     occupied: Bools = (coverage >= MIN_COVERAGE) & (nearby >= MIN_GAUSSIANS)
     return occupied

@@ -10,6 +10,7 @@ import numpy as np
 
 from gslts.io.atomic_files import write_atomic
 from gslts.io.images import RgbImage, draw_text
+from gslts.navigation.grid import Grid
 from gslts.navigation.semantic_map import SemanticMap
 from gslts.types import Floats
 
@@ -19,8 +20,9 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 """Default thresholds of map_server; (255 - 205) / 255 is between them."""
 GREYS = {"unknown": 150, "free": 255, "obstacle": 70}
 """Grey of each kind of cell in the image; all three differ from text and path."""
-CELL_PX = 6
-"""Side of a cell in the image, px, so that a path across single cells is visible."""
+CELL_PX, MAX_SIDE_PX = 6, 4096
+"""Side of a cell in the image, px, so that a path across single cells is visible, and maximum side
+of the map there, px, which bounds memory: cells of larger maps are smaller."""
 LINE_PX = 18
 """Height of a line of the legend, px: that of its text."""
 START_COLOR, PATH_COLOR = (0, 130, 0), (220, 0, 0)
@@ -43,9 +45,9 @@ def write_map_server(semantic_map: SemanticMap, folder: Path) -> None:
     rows = values[::-1]  # The first row of the image has the largest y.
     size = len(rows)
     grid = semantic_map.grid
-    x, y = grid.origin.tolist()
+    (x, y), cell_m = grid.origin.tolist(), float(grid.cell_m)
     description = (
-        f"image: map.pgm\nresolution: {grid.cell_m!r}\norigin: [{x!r}, {y!r}, 0.0]\nnegate: 0\n"
+        f"image: map.pgm\nresolution: {cell_m!r}\norigin: [{x!r}, {y!r}, 0.0]\nnegate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\nfree_thresh: {FREE_THRESH}\n"
     )
     write_atomic(folder / "map.pgm", f"P5\n{size} {size}\n255\n".encode() + rows.tobytes())
@@ -72,9 +74,10 @@ def draw_semantic_map(
     colors = _colors(len(names))
     for name, color in zip(names, colors, strict=True):
         cells[semantic_map.category(name)] = color
-    image = np.ascontiguousarray(cells[::-1].repeat(CELL_PX, 0).repeat(CELL_PX, 1))
+    cell_px = max(1, min(CELL_PX, MAX_SIDE_PX // semantic_map.grid.size))
+    image = np.ascontiguousarray(cells[::-1].repeat(cell_px, 0).repeat(cell_px, 1))
     if path is not None and len(path):
-        _draw_path(image, semantic_map, path)
+        _draw_path(image, semantic_map.grid, path, cell_px)
     entries = [(name, (grey, grey, grey)) for name, grey in GREYS.items()]
     entries += list(zip(names, colors, strict=True))
     if path is not None:
@@ -82,10 +85,9 @@ def draw_semantic_map(
     return _add_legend(image, entries)
 
 
-def _draw_path(image: RgbImage, semantic_map: SemanticMap, path: Floats) -> None:
-    grid = semantic_map.grid
+def _draw_path(image: RgbImage, grid: Grid, path: Floats, cell_px: int) -> None:
     columns_rows = (path - grid.origin) / grid.cell_m * (1, -1) + (0, grid.size)
-    pixels = np.rint(columns_rows * CELL_PX).astype(np.int32)
+    pixels = np.rint(columns_rows * cell_px).astype(np.int32)
     cv2.polylines(image, [pixels[:, None]], False, PATH_COLOR, 2, cv2.LINE_AA)
     for pixel, color in ((pixels[0], START_COLOR), (pixels[-1], PATH_COLOR)):
         cv2.circle(image, pixel.tolist(), 6, color, -1, cv2.LINE_AA)

@@ -25,6 +25,8 @@ from gslts.types import Bools, Floats, Indices
 BLOCKED_RADIUS_M = 0.1
 """Radius around a position that the robot failed to reach, which is blocked from then on; also the
 distance at which a position counts as reached."""
+MIN_HEIGHT_M, MAX_HEIGHT_M = -0.5, 2.0
+"""Range of heights of doors and cameras above their floor, m: tells storeys apart."""
 POSITION_TOLERANCE_CELLS = 2
 """A position this many cells beside the free cells counts as free: outlines of obstacles in the map
 are inaccurate."""
@@ -65,15 +67,16 @@ class Terrain:
         return result
 
     def is_known(self, position: Floats) -> bool:
-        """Test if there is free floor for the robot at or near a position.
+        """Test if there is free floor for the robot below or near the position of its camera.
 
         Args:
-            position: (2,) x and y in the world, m.
+            position: (3,) world, m.
 
         Returns:
-            True if there is.
+            True if there is, on the storey of the map.
         """
-        return bool(start_cells(self._grid, self._free, position).any())
+        is_inside = MIN_HEIGHT_M <= position[2] - self._map.floor_m <= MAX_HEIGHT_M
+        return bool(is_inside and start_cells(self._grid, self._free, position[:2]).any())
 
     def plan(self, start: Floats, goal: Floats) -> PlannedPath:
         """Plan the shortest path between two positions.

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
 
+import cv2
 import numpy as np
 
 from gslts.core.camera import Camera, at_pose, downscale, look_at
 from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.visibility import view_angles, visible_points
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.semantics.queries import Instance
+from gslts.semantics.queries import FLANN_KDTREE_SINGLE, Instance
 from gslts.store.causes import Box
 from gslts.types import Bools, Floats
 
 MAX_POINTS = 400
-"""Number of points of an object whose visibility is tested; bounds time."""
+"""Maximum number of points of an object whose visibility is tested; bounds time."""
 MIN_LOGIT_OPACITY = 0.0
 """Minimum opacity of the Gaussians of a box, before the sigmoid: a half."""
 MIN_VISIBLE_POINTS, MIN_VISIBLE_SHARE = 4, 0.1
@@ -72,22 +74,30 @@ class Target:
             raise ValueError("the map shows nothing there any more")
         return cls(_sample(points[inside]))
 
-    def distances_m(self, positions: Floats) -> Floats:
+    def distances_m(self, positions: Floats, max_m: float = np.inf) -> Floats:
         """Compute distances along the floor to the nearest point of the object.
 
         Args:
             positions: [K,2] x and y in the world, m.
+            max_m: Larger distances may be infinite, which saves time, m.
 
         Returns:
             [K] m.
         """
-        offsets = positions[:, None] - self.points[None, :, :2]
-        distances: Floats = np.linalg.norm(offsets, axis=2).min(axis=1)
+        points = self.points[:, :2]
+        low, high = points.min(axis=0), points.max(axis=0)
+        near = ((positions >= low - max_m) & (positions <= high + max_m)).all(axis=1)
+        distances = np.full(len(positions), np.inf)
+        if near.any():
+            points, others = ((xy - low).astype(np.float32) for xy in (points, positions[near]))
+            tree = cv2.flann.Index(points, {"algorithm": FLANN_KDTREE_SINGLE})
+            squares = tree.knnSearch(others, 1, params={})[1]
+            distances[near] = np.sqrt(squares[:, 0])
         return distances
 
 
 def _sample(points: Floats) -> Floats:
-    return points[:: max(1, len(points) // MAX_POINTS)]
+    return points[:: max(1, ceil(len(points) / MAX_POINTS))]
 
 
 @dataclass(frozen=True, eq=False)

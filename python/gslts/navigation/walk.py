@@ -16,8 +16,10 @@ STEP_M = 0.25
 POSITION_TOLERANCE_M = 0.2
 """Maximum distance between the target of a step and the position after it. A robot on a grid of
 0.25 m is up to 0.18 m off."""
+MIN_STEP_M = 0.02
+"""Minimum length of a step to a corner of a path; the direction of a shorter one is arbitrary."""
 MAX_MOVES = 200
-"""Number of moves after which a trip is given up."""
+"""Number of moves, beyond the steps of the longest planned path, after which a trip is given up."""
 PATH_PITCH_RAD = 0.4
 """Pitch of the camera on a path: the floor is visible from about 0.7 m ahead."""
 
@@ -41,6 +43,7 @@ class Walk:
         self.frame = robot.observe()
         self.path = [self.position]
         self.replans = 0
+        self._longest_m = 0.0
 
     @property
     def position(self) -> Floats:
@@ -50,8 +53,13 @@ class Walk:
 
     @property
     def is_over(self) -> bool:
-        """True after `MAX_MOVES` moves."""
-        return len(self.path) > MAX_MOVES
+        """True after too many moves; see `MAX_MOVES`."""
+        return len(self.path) > MAX_MOVES + self._longest_m / STEP_M
+
+    @property
+    def over_reason(self) -> str:
+        """Reason why a walk that is over has failed."""
+        return f"the robot did not arrive after {len(self.path) - 1} moves"
 
     def go_near(self, goal: Floats) -> str:
         """Move to the free floor nearest to a position.
@@ -66,7 +74,7 @@ class Walk:
             path = self._terrain.plan_near(self.position, goal)
             if path.reason or self.follow(path):
                 return path.reason
-        return f"the robot did not arrive after {MAX_MOVES} moves"
+        return self.over_reason
 
     def follow(self, path: PlannedPath) -> bool:
         """Move along a path in steps.
@@ -75,10 +83,15 @@ class Walk:
             path: From the position of the robot.
 
         Returns:
-            False as soon as a new path must be planned.
+            False as soon as a new path must be planned, or the walk is over.
         """
+        self._longest_m = max(self._longest_m, path.length_m)
         goal, corners = path.points[-1], list(path.points[1:])
-        while np.linalg.norm(goal - self.position) > POSITION_TOLERANCE_M / 2 and not self.is_over:
+        # A path of `Terrain.plan` may end beside the free floor.
+        checked = None if self._terrain.is_free(list(path.points[-2:])) else -1
+        while np.linalg.norm(goal - self.position) > POSITION_TOLERANCE_M / 2:
+            if self.is_over:
+                return False
             step = self._next_step(corners)
             x, y = (step - self.position).tolist()
             arrived = self.move(step, float(np.arctan2(y, x)), PATH_PITCH_RAD)
@@ -86,7 +99,8 @@ class Walk:
             if is_off:
                 self._terrain.block(step, self.position)
             has_new = self.frame.fault is None and self._terrain.add_obstacles(self.frame)
-            if is_off or (has_new and not self._terrain.is_free([self.position, *corners[:-1]])):
+            ahead = [self.position, *corners[:checked]]
+            if is_off or (has_new and not self._terrain.is_free(ahead)):
                 self.replans += 1
                 return False
             if step is corners[-1]:
@@ -111,11 +125,25 @@ class Walk:
         return arrived
 
     def _next_step(self, corners: list[Floats]) -> Floats:
-        """Return (2,) the point a step ahead on a path; remove the corners that are passed."""
-        left_m, at = STEP_M, self.position
-        while len(corners) > 1 and np.linalg.norm(corners[0] - at) <= left_m:
-            left_m -= float(np.linalg.norm(corners[0] - at))
+        """Return (2,) the point a step ahead on a path; remove the corners that are passed.
+
+        The step ends at a corner that the straight line to the point beyond would cut.
+        """
+        position = self.position
+        left_m, at = STEP_M, position
+        step = _ahead(at, corners[0], left_m)
+        while len(corners) > 1 and step is corners[0]:
+            left_m -= float(np.linalg.norm(step - at))
             at = corners.pop(0)
-        offset = corners[0] - at
-        length_m = float(np.linalg.norm(offset))
-        return corners[0] if length_m <= left_m else at + offset * (left_m / length_m)
+            step = _ahead(at, corners[0], left_m)
+            is_far = np.linalg.norm(at - position) >= MIN_STEP_M
+            if is_far and not self._terrain.is_free([position, step]):
+                return at
+        return step
+
+
+def _ahead(start: Floats, end: Floats, length_m: float) -> Floats:
+    """Return (2,) the point at a length on a straight line; the end if the line is shorter."""
+    offset = end - start
+    whole_m = float(np.linalg.norm(offset))
+    return end if whole_m <= length_m else start + offset * (length_m / whole_m)

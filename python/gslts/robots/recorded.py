@@ -12,6 +12,8 @@ from gslts.types import Floats
 METRES_PER_RAD = 0.5
 """Weight of a direction error against a position error in the search for the nearest frame, m/rad:
 at 2 m from an object, a smaller weight would prefer frames that do not show it."""
+TIE_M = 1e-9
+"""Difference of such errors between frames at the same pose, m: that of rounding."""
 
 
 class RecordedRobot:
@@ -30,6 +32,7 @@ class RecordedRobot:
         self._frames = frames
         self._positions = np.array([f.camera.world_from_camera[:2, 3] for f in frames])
         self._ahead = np.array([frame.camera.world_from_camera[:3, 2] for frame in frames])
+        self._visits = np.zeros(len(frames), np.intp)
         self._current = 0
 
     def observe(self) -> RgbdFrame:
@@ -49,6 +52,8 @@ class RecordedRobot:
     ) -> bool:
         """Make the frame with the nearest position and direction the current one.
 
+        Frames of a camera that stood still come in turn, each as often as the others.
+
         Args:
             position: (2,) x and y in the world, m.
             yaw_rad: Direction, rad.
@@ -63,5 +68,8 @@ class RecordedRobot:
         if pitch_rad is not None:
             tilts_rad = np.arctan2(-z, np.hypot(x, y)) - pitch_rad
             turns_rad = np.hypot(turns_rad, tilts_rad)
-        self._current = int(np.argmin(metres + METRES_PER_RAD * turns_rad))
+        errors_m = metres + METRES_PER_RAD * turns_rad
+        nearest = np.flatnonzero(errors_m <= errors_m.min() + TIE_M)
+        self._current = int(nearest[np.argmin(self._visits[nearest])])
+        self._visits[self._current] += 1
         return True

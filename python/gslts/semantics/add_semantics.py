@@ -11,12 +11,13 @@ from gslts.datasets import open_dataset
 from gslts.semantics.autoencoder import CODE_DIMS, Autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.files import write_autoencoder
-from gslts.semantics.map_frames import frames_of_map
 from gslts.semantics.registry import SourceName, check_options, open_source, source_of_models
 from gslts.store.camera_files import cameras_of_store
 from gslts.store.causes import SemanticsCause
+from gslts.store.fingerprints import is_recording_of
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
+from gslts.store.trajectory_file import extension_by
 
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 
@@ -70,7 +71,12 @@ def add_semantics(
             )
         gaussian_map, cameras = store.read(), cameras_of_store(store)
         opened = open_dataset(dataset)
-        used = frames_of_map(map_path, gaussian_map, cameras, opened.frames, dataset, threads)
+        used = [frame for frame in opened.frames if frame.name in cameras]
+        is_known = is_recording_of(map_path, opened) or extension_by(map_path, opened.name)
+        if not used or not is_known:
+            raise ValueError(
+                f"{map_path} was made from no frame of {dataset}; give the dataset of gslts map"
+            )
         segmenter = open_source(source, models, threads, layout)
         frames = (replace(frame.read(), camera=cameras[frame.name]) for frame in progress(used))
         semantics = embed_semantics(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-import numpy as np
+from dataclasses import dataclass
+from itertools import islice
 
 from gslts.core.se3 import product, relative
 from gslts.datasets.poses import inverse
@@ -32,35 +32,63 @@ def place_rest(
         Poses of these and of further keyframes.
     """
     placed, before = dict(poses), 0
+    trials: dict[Edge, _Trial] = {}
+    left = list(edges)
     while len(placed) > before:
         before = len(placed)
-        for edge in edges:
-            found = _put(edge, placed)
-            if found is not None and _fits(keyframes[found[0]], found[1], placed, keyframes):
-                placed[found[0]] = found[1]
+        for edge in left:
+            trial = trials.get(edge) or _put(edge, placed)
+            if trial is None or trial.node in placed:
+                continue
+            trials[edge] = trial
+            trial.compare(placed, keyframes)
+            if trial.fits():
+                placed[trial.node] = trial.pose
+        left = [edge for edge in left if edge.source not in placed or edge.target not in placed]
     return placed
 
 
-def _put(edge: Edge, placed: Mapping[int, Floats]) -> tuple[int, Floats] | None:
-    """Return the node that a motion puts beside a placed one, and its pose; None otherwise."""
+@dataclass(eq=False)
+class _Trial:
+    """A keyframe beside a placed one, and the points that it and placed ones see of each other.
+
+    Attributes:
+        node: Its index.
+        pose: World_from_camera [4,4], m.
+        compared: Number of placed ones that it was compared with.
+        through: Number of points through which the other one saw.
+        seen: Number of points that the other one could see.
+        witnesses: Number of placed ones that share enough points with it.
+    """
+
+    node: int
+    pose: Floats
+    compared: int = 0
+    through: int = 0
+    seen: int = 0
+    witnesses: int = 0
+
+    def compare(self, placed: Mapping[int, Floats], keyframes: Sequence[FrameFeatures]) -> None:
+        """Compare it with those that were placed since the last time."""
+        for node, at in islice(placed.items(), self.compared, None):
+            motion = relative(at, self.pose)
+            through, seen = count_seen(keyframes[self.node], keyframes[node], motion)
+            self.through += through
+            self.seen += seen
+            self.witnesses += seen > MIN_SHARED_POINTS
+        self.compared = len(placed)
+
+    def fits(self) -> bool:
+        """Return True if enough placed ones see it, and they do not contradict."""
+        is_free = self.through <= MAX_SEEN_THROUGH * self.seen
+        return is_free and self.witnesses >= MIN_WITNESSES
+
+
+def _put(edge: Edge, placed: Mapping[int, Floats]) -> _Trial | None:
+    """Put the node beside a placed one to which a motion connects it; None if there is none."""
     motion = edge.motion.target_from_source
     if edge.target in placed and edge.source not in placed:
-        return edge.source, product(placed[edge.target], motion)
+        return _Trial(edge.source, product(placed[edge.target], motion))
     if edge.source in placed and edge.target not in placed:
-        return edge.target, product(placed[edge.source], inverse(motion))
+        return _Trial(edge.target, product(placed[edge.source], inverse(motion)))
     return None
-
-
-def _fits(
-    frame: FrameFeatures,
-    pose: Floats,
-    placed: Mapping[int, Floats],
-    keyframes: Sequence[FrameFeatures],
-) -> bool:
-    """Test a pose [4,4] by the points that the frame and the placed ones see of each other."""
-    counts = np.array(
-        [count_seen(frame, keyframes[node], relative(at, pose)) for node, at in placed.items()]
-    )
-    through, seen = counts.sum(axis=0)
-    witnesses = int((counts[:, 1] > MIN_SHARED_POINTS).sum())
-    return bool(through <= MAX_SEEN_THROUGH * seen and witnesses >= MIN_WITNESSES)

@@ -10,6 +10,10 @@ a map, and a recording of a room with plain walls has few matches."""
 MAX_FEATURE_DEPTH_M = 6.0
 """Maximum depth of a keypoint, m: the error of structured light grows with the square of it."""
 
+MAX_CLOUD_PX = 320 * 180
+"""Maximum number of points of a frame, which are kept for each keyframe: those of 1280 x 720 px at
+a quarter of the sides. 640 x 480 px have a third of them, by which `MIN_SHARED_POINTS` was set."""
+
 KEYFRAME_M, KEYFRAME_RAD = 0.2, np.deg2rad(12)
 """Motion since the last keyframe that makes the next one."""
 STEP_M, STEP_RAD = 0.6, np.deg2rad(35)
@@ -65,12 +69,22 @@ PRUNE_BELOW = 0.25
 """Confidence below which a motion is removed, as in Open3D's reconstruction."""
 
 MEAN_UP_WEIGHT = 0.02
-"""Weight of the mean upward axis of the cameras against that of their x axes."""
+"""Weight of the mean upward axis of images, and of views upwards or downwards, against that of
+horizontal axes."""
+MIN_SPREAD = 0.15
+"""Mean square of the sine of angles between views and a plane, from which on the images are in
+portrait rather than all tilted about one axis: a quarter turn of the camera has 0.18."""
+UP_DIRECTIONS = 1000
+"""Number of directions of which one is nearly up: about 5 degrees apart."""
+PHONE_WEIGHT = 0.17
+"""Sine of the mean angle of views in portrait below or above the horizon, from which on they count
+as downwards, and thus decide which side is up; otherwise it is the left one, as phones write it."""
 MAX_TILT_RAD = np.deg2rad(60)
 """Maximum angle between z and the upward axis by the cameras of a world with z up: cameras that all
 look the same way tell their own tilt alone."""
 MAX_UP_FRAMES, UP_STRIDE_PX = 30, 8
-"""Maximum number of frames whose depths tell what is horizontal, and the step of their pixels."""
+"""Maximum number of frames whose axes and depths tell what is horizontal, and the step of their
+pixels."""
 UP_CONES_RAD = tuple(np.deg2rad((25, 12, 6, 3)))
 """Maximum angles between the upward axis and the normals of horizontal surfaces, step by step from
 that of the cameras."""

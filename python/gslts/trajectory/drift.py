@@ -56,10 +56,22 @@ class DriftingPoses:
             b: Index of another one.
             a_from_b: [4,4] motion by other means, m.
         """
-        metres, turn_rad = pose_distance(self.motion(a, b), a_from_b)
-        path_m = self.path_m(a, b)
-        of_turns_rad = MAX_DRIFT_OF_TURNS * abs(self._turned_rad[b] - self._turned_rad[a])
-        return bool(
-            metres <= MAX_DRIFT_M + (MAX_DRIFT_SHARE + of_turns_rad) * path_m
-            and turn_rad <= MAX_DRIFT_RAD + MAX_DRIFT_RAD_PER_M * path_m + of_turns_rad
-        )
+        turned_rad = float(abs(self._turned_rad[b] - self._turned_rad[a]))
+        return may_drift(self.motion(a, b), a_from_b, self.path_m(a, b), turned_rad)
+
+
+def may_drift(given: Floats, found: Floats, path_m: float, turned_rad: float) -> bool:
+    """Test if two motions differ by no more than an odometry drifts on its path.
+
+    Args:
+        given: [4,4] motion by the odometry, m.
+        found: [4,4] the same motion by other means, m.
+        path_m: Length of the path, m.
+        turned_rad: Sum of all turns on it, rad.
+    """
+    metres, turn_rad = pose_distance(given, found)
+    of_turns_rad = MAX_DRIFT_OF_TURNS * turned_rad
+    return bool(
+        metres <= MAX_DRIFT_M + (MAX_DRIFT_SHARE + of_turns_rad) * path_m
+        and turn_rad <= MAX_DRIFT_RAD + MAX_DRIFT_RAD_PER_M * path_m + of_turns_rad
+    )

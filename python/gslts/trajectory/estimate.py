@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -72,7 +73,6 @@ def estimate_poses(
         ImportError: Open3D is missing.
         ValueError: Fewer than two frames show the same place.
     """
-    dataset = replace(dataset, frames=_in_order(dataset))
     odometry, unplaced = KeyframeOdometry(), list[str]()
     given: dict[str, Floats] = {}
     if correct:
@@ -88,7 +88,7 @@ def estimate_poses(
             odometry.add(frame.name, found, given.get(frame.name))
         else:
             unplaced.append(f"{frame.name}: {found}")
-    loops = list(_close_loops(odometry.keyframes, show_loops, threads))
+    loops = _close_loops(odometry.keyframes, show_loops, threads)
     loops = _allowed_by(given, odometry.names, loops)
     edges = [*odometry.edges, *loops]
     placed = optimize_poses(len(odometry.keyframes), edges)
@@ -121,22 +121,6 @@ def _upright(placed: Mapping[int, Floats], keyframes: Sequence[FrameFeatures]) -
     return upright_world(np.array(list(placed.values())), np.concatenate(points))
 
 
-def _in_order(dataset: Dataset) -> tuple[Frame, ...]:
-    """Return the frames in the order of the recording; by name if only some have poses.
-
-    Frame 10 comes after frame 9, whatever the number of digits.
-    """
-    if 0 < len(dataset.unposed) < len(dataset.frames):
-        return tuple(sorted(dataset.frames, key=lambda frame: _with_numbers(frame.name)))
-    return dataset.frames
-
-
-def _with_numbers(name: str) -> list[tuple[int, str]]:
-    """Return a key that orders names by their numbers: each part is a number or a text."""
-    parts = re.findall(r"\d+|\D+", name)
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
-
-
 def _features_of(frame: Frame) -> FrameFeatures | Exception:
     """Return the features of a frame, or why it cannot be read."""
     try:
@@ -147,17 +131,21 @@ def _features_of(frame: Frame) -> FrameFeatures | Exception:
 
 def _close_loops(
     keyframes: Sequence[FrameFeatures], show_loops: ShowLoops, threads: int
-) -> Iterator[Edge]:
-    """Yield the registered motions between keyframes that do not follow each other."""
+) -> list[Edge]:
+    """Register keyframes that do not follow each other; the index of one at a time is kept."""
 
-    def register(pair: tuple[int, int]) -> Motion | None:
-        return register_frames(keyframes[pair[0]], keyframes[pair[1]])
+    def register(group: Sequence[tuple[int, int]]) -> list[Motion | None]:
+        earlier = keyframes[group[0][1]]
+        motions = [register_frames(keyframes[later], earlier) for later, _ in group]
+        earlier.drop_index()
+        return motions
 
-    pairs = find_loops(keyframes, threads)
-    motions = map_in_threads(register, pairs, threads)
-    for (later, earlier), motion in zip(show_loops(pairs), motions, strict=True):
-        if motion is not None:
-            yield Edge(later, earlier, motion)
+    pairs = sorted(find_loops(keyframes, threads), key=itemgetter(1))
+    groups = [list(group) for _, group in groupby(pairs, itemgetter(1))]
+    motions = chain.from_iterable(map_in_threads(register, groups, threads))
+    found = zip(show_loops(pairs), motions, strict=True)
+    edges = (Edge(*pair, motion) for pair, motion in found if motion is not None)
+    return sorted(edges, key=lambda edge: (edge.source, edge.target))
 
 
 def _allowed_by(

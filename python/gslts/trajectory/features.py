@@ -15,7 +15,7 @@ from gslts.localization.clouds import depth_points
 from gslts.localization.constants import CLOUD_LEVEL
 from gslts.localization.image_pyramid import ImagePyramid
 from gslts.localization.landmark_extraction import gray_image
-from gslts.trajectory.constants import KEYPOINTS, MAX_FEATURE_DEPTH_M
+from gslts.trajectory.constants import KEYPOINTS, MAX_CLOUD_PX, MAX_FEATURE_DEPTH_M
 from gslts.types import Bytes, Floats32
 
 
@@ -57,13 +57,19 @@ class FrameFeatures:
         columns, rows = np.floor(pixels).astype(np.intp).T
         depths = np.ascontiguousarray(depth[rows, columns])
         camera = at_pose(full.camera, np.eye(4))
-        cloud = depth_points(pyramid).astype(np.float32)
-        return cls(camera, pixels, descriptors, depths, cloud, _seen_through(pyramid))
+        level = _cloud_level(pyramid)
+        cloud = depth_points(pyramid, level).astype(np.float32)
+        seen_m = _seen_through(pyramid.depths[level])
+        return cls(camera, pixels, descriptors, depths, cloud, seen_m)
 
     @cached_property
     def index(self) -> _core.LandmarkIndex:
-        """Index of the keypoints, by their descriptors."""
+        """Index of the keypoints, by their descriptors: 3 MB, kept until `drop_index`."""
         return _core.LandmarkIndex(self.points, self.descriptors, np.zeros(self.size, np.int32))
+
+    def drop_index(self) -> None:
+        """Free the memory of the index; it is built again if it is needed."""
+        self.__dict__.pop("index", None)
 
     @property
     def size(self) -> int:
@@ -79,9 +85,17 @@ class FrameFeatures:
         return points.astype(np.float32)
 
 
-def _seen_through(pyramid: ImagePyramid) -> Floats32:
+def _cloud_level(pyramid: ImagePyramid) -> int:
+    """Return the level of the pyramid that the cloud of a frame is made of."""
+    coarsest = len(pyramid.depths) - 1
+    level = min(CLOUD_LEVEL, coarsest)
+    while level < coarsest and pyramid.depths[level].size > MAX_CLOUD_PX:
+        level += 1
+    return level
+
+
+def _seen_through(depth: Floats32) -> Floats32:
     """Return the nearest depth around each pixel, m, so that edges may be a pixel off."""
-    depth = pyramid.depths[min(CLOUD_LEVEL, len(pyramid.depths) - 1)]
     far = np.where(depth > 0, depth, np.float32(np.inf))
     nearest = cv2.erode(far, np.ones((3, 3), np.uint8))
     return np.where((depth > 0) & np.isfinite(nearest), nearest, 0).astype(np.float32)

@@ -55,8 +55,20 @@ def register_frames(
     start = _motion_of_keypoints(source, target)
     if start is None:
         start = guess
-    if start is None:
-        return None
+    return None if start is None else register_points(source, target, start)
+
+
+def register_points(source: FrameFeatures, target: FrameFeatures, start: Floats) -> Motion | None:
+    """Register two frames by their points alone.
+
+    Args:
+        source: The frame that moves.
+        target: The frame that stays.
+        start: [4,4] target_from_source, some 10 cm off at most, m.
+
+    Returns:
+        None if they do not show the same place there.
+    """
     rule = _core.CloudRule(voxel_m=CLOUD_VOXEL_M, max_distance_m=CLOUD_APART_M)
     found = _core.register_clouds(source.cloud, target.cloud, start, rule=rule)
     if found.overlap < MIN_OVERLAP:

@@ -16,8 +16,11 @@ from gslts.trajectory.constants import (
     MAX_TILT_RAD,
     MAX_UP_FRAMES,
     MEAN_UP_WEIGHT,
+    MIN_SPREAD,
     NORMAL_RADIUS_M,
+    PHONE_WEIGHT,
     UP_CONES_RAD,
+    UP_DIRECTIONS,
     UP_STRIDE_PX,
     UP_VOXEL_M,
 )
@@ -36,7 +39,7 @@ def describe_tilt(cameras: Sequence[Camera]) -> str:
     """
     if not cameras:
         return ""
-    up = up_of(np.array([camera.world_from_camera for camera in cameras]))
+    up = up_of(np.array([camera.world_from_camera for camera in cameras]), np.eye(3)[2])
     if up[2] >= np.cos(MAX_TILT_RAD):
         return ""
     return f"z is not up here: up is ({', '.join(f'{number:.1f}' for number in up.round(1) + 0.0)})"
@@ -72,8 +75,8 @@ def turn_upright(dataset: Dataset) -> Dataset:
 def upright_world(cameras: Floats, points: Floats) -> Floats:
     """Return the motion to a world with z up, whose origin is the first camera.
 
-    People and robots hold cameras level: their x axes are horizontal, nearly. Floors and tables
-    tell the rest.
+    People and robots hold cameras level, in landscape or portrait: one side of the image is
+    horizontal, nearly. Floors and tables tell the rest.
 
     Args:
         cameras: [K,4,4] world_from_camera, m, at least one.
@@ -102,18 +105,55 @@ def _points_of(frame: RgbdFrame) -> Floats:
     return unproject(camera, centers, depth[depth > 0].astype(np.float64))
 
 
-def up_of(cameras: Floats) -> Floats:
-    """Return the upward axis (3,) that is orthogonal to the x axes of cameras, where these differ.
+def up_of(cameras: Floats, likely: Floats | None = None) -> Floats:
+    """Return the upward axis (3,), orthogonal to the horizontal axes of images if these differ.
 
-    It minimizes the sum of (x u)^2 and of a small share of (u - m)^2, m the mean upward axis.
+    It minimizes the sum of (h u)^2, h the horizontal axis of an image, and of a small share of
+    (u - m)^2, m the mean upward axis of the images.
 
     Args:
         cameras: [K,4,4] world_from_camera, m, at least one.
+        likely: (3,) upward axis, up to 90 degrees, if known: in portrait, either short side may be
+            up. By default, it is that of views downwards, or of phones.
     """
-    x = cameras[:, :3, 0]
-    mean_up = -cameras[:, :3, 1].mean(axis=0)
-    up = np.linalg.solve(x.T @ x / len(x) + MEAN_UP_WEIGHT * np.eye(3), mean_up)
+    level, upward = _axes_of_images(cameras, likely)
+    weights = level.T @ level / len(level) + MEAN_UP_WEIGHT * np.eye(3)
+    up = np.linalg.solve(weights, upward.mean(axis=0))
     return np.asarray(up / np.linalg.norm(up))
+
+
+def _axes_of_images(cameras: Floats, likely: Floats | None) -> tuple[Floats, Floats]:
+    """Return the horizontal and the upward axes [K,3] of images in landscape or portrait.
+
+    In a recording in portrait, y axes are spread in a plane, and x axes are not. Up is about the
+    direction to which x or y axes are orthogonal, and views nearly.
+    """
+
+    def cost_of(poses: Floats, up: Floats) -> tuple[Floats, Floats]:
+        along = (poses[:, :3, :3].transpose(2, 0, 1) @ up.T) ** 2
+        views = MEAN_UP_WEIGHT * along[2]
+        return along[0] + views, along[1] + views + MEAN_UP_WEIGHT * MIN_SPREAD
+
+    directions = _hemisphere(UP_DIRECTIONS)
+    some = cameras[:: -(-len(cameras) // MAX_UP_FRAMES)]
+    costs = np.minimum(*cost_of(some, directions)).mean(axis=0)
+    up = directions[costs.argmin()]
+    landscape, portrait = cost_of(cameras, up)
+    is_portrait = (portrait < landscape)[:, None]
+    x, y, z = cameras[:, :3, :3].transpose(2, 0, 1)
+    down_in_portrait = z + PHONE_WEIGHT * x if likely is None else -likely
+    if (np.where(is_portrait, down_in_portrait, y) @ up).sum() > 0:
+        up = -up
+    in_portrait = np.where((x @ up < 0)[:, None], -x, x)
+    return np.where(is_portrait, y, x), np.where(is_portrait, in_portrait, -y)
+
+
+def _hemisphere(count: int) -> Floats:
+    """Return directions [N,3], spread evenly, no two of them opposite (a Fibonacci lattice)."""
+    z = (np.arange(count) + 0.5) / count
+    turn_rad = np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(turn_rad), across * np.sin(turn_rad), z], axis=1)
 
 
 def _normals(points: Floats) -> Floats:

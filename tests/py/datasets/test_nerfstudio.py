@@ -250,6 +250,19 @@ def test_masked_pixels_are_not_used(recorded: Path) -> None:
     assert (border & ~distorted.mask)[:, 34:].sum() == 1, "the pixel moves with the lens"
 
 
+def test_frames_with_and_without_poses_keep_their_order(recorded: Path) -> None:
+    def lose_some(content: dict) -> None:
+        for k, frame in enumerate(content["frames"]):
+            image = recorded / frame["file_path"]
+            frame["file_path"] = f"images/{8 + k}{image.suffix}"
+            image.rename(recorded / frame["file_path"])
+        del content["frames"][1]["transform_matrix"]
+
+    dataset = open_dataset(edited(recorded, lose_some), posed=False)
+    assert [frame.name for frame in dataset.frames] == ["8", "9", "10"]
+    assert [frame.name for frame in dataset.unposed] == ["9"]
+
+
 def test_masks_that_cannot_be_used_are_named(recorded: Path) -> None:
     write_masks(recorded)
     Image.new("L", (32, 24)).save(recorded / "mask.png")

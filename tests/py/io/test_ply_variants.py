@@ -63,6 +63,22 @@ def test_double_precision(tmp_path: Path) -> None:
     assert_same(gslts.read_ply(tmp_path / "a.ply"), gaussian_map)
 
 
+def test_double_precision_far_out(tmp_path: Path) -> None:
+    """A survey in UTM coordinates keeps its millimetres."""
+    degree, names = LAYOUTS["inria"]
+    gaussian_map = float_map(50, sh_degree=degree)
+    columns: dict[str, Any] = columns_of(gaussian_map)
+    center = np.array([500_000.25, 5_400_000.5, -120.0])
+    exact = center + np.random.default_rng(0).normal(size=(50, 3))
+    columns |= dict(zip(XYZ, exact.T, strict=True))
+    write(tmp_path / "a.ply", columns, names)
+    read = gslts.read_ply(tmp_path / "a.ply")
+    np.testing.assert_array_equal(read.origin, np.round(read.origin))
+    np.testing.assert_allclose(read.means + read.origin, exact, rtol=0, atol=1e-6)
+    gslts.write_ply(read, tmp_path / "b.ply")
+    assert_same(gslts.read_ply(tmp_path / "b.ply"), read)
+
+
 def test_colours_of_8_bits(tmp_path: Path, caplog: Any) -> None:
     """`ns-export gaussian-splat --ply-color-mode rgb` of Nerfstudio."""
     gaussian_map = float_map(50)

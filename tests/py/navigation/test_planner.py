@@ -209,4 +209,4 @@ def test_blocking_a_position_of_a_large_map_takes_little_memory() -> None:
     finally:
         tracemalloc.stop()
     assert not terrain.is_free([start, goal])
-    assert terrain.is_known(start)
+    assert terrain.is_known(np.array([*start, 0.9]))

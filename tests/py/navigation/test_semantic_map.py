@@ -8,6 +8,7 @@ import pytest
 import surfel_room
 import yaml
 from PIL import Image
+from scipy.spatial import cKDTree
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
@@ -16,6 +17,7 @@ from gslts.navigation.grid import Grid
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.semantic_map_files import (
     CELL_PX,
+    MAX_SIDE_PX,
     PATH_COLOR,
     draw_semantic_map,
     write_map_server,
@@ -108,6 +110,16 @@ def test_stray_gaussians_are_no_obstacle(count: int, solid: bool) -> None:
     assert at(found.obstacles, found.grid, (0.825, 0.725)) == [solid]
 
 
+@pytest.mark.parametrize("radius_m", [0.1, 0.05])
+def test_small_robots_have_the_obstacles_of_others(radius_m: float) -> None:
+    """The cells of a small robot are smaller than the distance of Gaussians."""
+    room, body = surfel_room.surfel_map(), RobotBody(radius_m=radius_m, height_m=0.3)
+    fine, coarse = make_semantic_map(room, body), make_semantic_map(room, body, cell_m=0.05)
+    found, expected = (own.grid.centers(np.argwhere(own.obstacles)) for own in (fine, coarse))
+    assert cKDTree(found).query(expected)[0].max() <= 0.05
+    assert cKDTree(expected).query(found)[0].max() <= 0.05
+
+
 def test_transparent_and_far_gaussians_are_ignored() -> None:
     rng = np.random.default_rng(0)
     haze = surfel_room.gaussians(
@@ -197,6 +209,12 @@ def test_map_server_reads_the_files(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.pgm", "map.yaml"]
 
 
+def test_the_resolution_of_a_numpy_number_is_a_number(tmp_path: Path) -> None:
+    found = make_semantic_map(surfel_room.surfel_map(), BODY, cell_m=np.float64(0.05))
+    write_map_server(found, tmp_path)
+    assert yaml.safe_load((tmp_path / "map.yaml").read_text())["resolution"] == 0.05
+
+
 def test_files_are_written_atomically(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = semantic_map_of(surfel_room.surfel_map())
     write_map_server(found, tmp_path)
@@ -229,3 +247,14 @@ def test_images_show_layers_and_paths(tmp_path: Path) -> None:
     assert pixel(0.8, 1.5) == (255, 255, 255)
     line = image[image.shape[0] - 1 - int((0.5 - found.grid.origin[1]) / 0.05 * CELL_PX)]
     assert (np.abs(line.astype(int) - PATH_COLOR).sum(axis=1) < 60).sum() > 40 * CELL_PX
+
+
+def test_images_of_large_maps_are_bounded() -> None:
+    layers = np.zeros((2, 1500, 1500), np.bool_)
+    layers[:, :750] = True
+    large = SemanticMap(Grid(np.zeros(2), 0.05, 1500), layers, (), 0.0)
+    image = draw_semantic_map(large, np.array([[10.0, 10.0], [70.0, 60.0]]))
+    assert CELL_PX * 1500 > MAX_SIDE_PX >= len(image)
+    assert image[len(image) - 1 - int(20 / 75 * len(image)), 10].tolist() == [70, 70, 70]
+    end = image[len(image) - 1 - int(60 / 75 * len(image)), int(70 / 75 * len(image))]
+    assert end.tolist() == list(PATH_COLOR)

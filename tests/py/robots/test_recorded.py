@@ -1,10 +1,13 @@
 """A recorded data set as a robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sim_scenes
 
 from gslts.core.robot import Robot
+from gslts.robots.driving import go_to
 from gslts.robots.recorded import RecordedRobot
 from gslts_sim.controller import Controller
 
@@ -45,6 +48,15 @@ def test_among_frames_at_one_position_the_pitch_decides() -> None:
     for number, pitch_rad in ((0, -0.4), (1, 0.1), (2, 0.5)):
         assert recorded.move_towards(np.array([1.0, 1.0]), np.pi / 2, pitch_rad)
         assert recorded.observe() is frames[number]
+
+
+def test_a_standing_camera_gives_each_frame_in_turn(visit: list) -> None:
+    standing = [replace(visit[0], time_s=float(second)) for second in range(3)]
+    recorded = RecordedRobot([*standing, visit[5]])
+    for frame in (standing[0], standing[1], visit[5], standing[2], *standing):
+        assert go_to(recorded, frame.camera)
+        assert recorded.observe() is frame
+        assert recorded.observe() is frame
 
 
 def test_no_frames_are_rejected() -> None:

@@ -10,6 +10,7 @@ import update_room
 from semantic_room import embedded_map, map_semantics
 from update_room import LOOP
 
+from gslts.change.confirmation import Report
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
 from gslts.keeper.errand import WatchedRobot, drive_to, run_errand
@@ -83,6 +84,23 @@ def test_nothing_is_reached_on_lost_frames(folder: Path) -> None:
     with MapKeeper(folder, LOOP) as keeper:
         result = drive_to(keeper, robot, "box", ((2.0, 1.6, 0.75), (2.4, 2.0, 1.05)))
     assert result.status != "reached"
+
+
+def test_a_robot_stays_where_it_has_reached_an_object(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Views of what was confirmed in the last frames wait: it would drive away for them."""
+    robot, watched = robot_in(change_room.home()), []
+    change = Report(1, update_room.detected("removal"), (1.0,))
+    with MapKeeper(folder, LOOP) as keeper:
+        monkeypatch.setattr(keeper, "watch", watched.append)
+        monkeypatch.setattr(keeper, "integrate", lambda *_: watched.clear())
+        monkeypatch.setattr(keeper.monitor, "poll", lambda: [change] if watched else [])
+        result = drive_to(keeper, robot, "box", ((2.0, 1.6, 0.75), (2.4, 2.0, 1.05)))
+        assert result.status == "reached"
+        np.testing.assert_allclose(robot.pose()[:2, 3], result.path[-1], atol=0.05)
+        assert watched
+        assert [report.number for report in keeper.reports()] == [change.number]
 
 
 def test_without_a_change_the_map_is_unchanged(folder: Path) -> None:

@@ -1,5 +1,6 @@
 """A keeper whose map grows: unmapped space that a robot can reach, and recordings that show it."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -121,11 +122,38 @@ def test_frames_of_another_place_do_not_extend(folder, tmp_path):
     ]
 
 
-def test_a_recording_extends_the_map_of_a_command(folder, tmp_path):
+@pytest.mark.parametrize("localize", [(), ("--localize",)])
+def test_a_recording_extends_the_map_of_a_command(folder, tmp_path, localize):
+    """Also by frames that show nothing of the map, and thus are not localized."""
     half_room.recording(tmp_path / "visit")
-    done = run("run", "map", "--frames", "visit", "--extend", "--iterations", "20", cwd=tmp_path)
+    before = read_map(folder)
+    options = ("--extend", "--iterations", "20", *localize)
+    done = run("run", "map", "--frames", "visit", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    far, known = ((gaussians.means[:, 0] > 3.5).sum() for gaussians in (read_map(folder), before))
+    assert far > 3 * known
     assert "Gaussians added" in done.stdout
     with open_map(folder) as store:
         assert isinstance(store.version().cause, ExtensionCause)
         assert store.version().cause.dataset == "visit"
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("posed", [0, 3])
+def test_frames_without_poses_do_not_extend(tmp_path, posed):
+    visit = half_room.recording(tmp_path / "visit")
+    content = json.loads((visit / "transforms.json").read_text())
+    content["frames"] = content["frames"][:8]
+    for frame in content["frames"][posed:]:
+        del frame["transform_matrix"]
+    (visit / "transforms.json").write_text(json.dumps(content))
+    options = ("--extend", "--localize", "--iterations", "20")
+    done = run("run", "map", "--frames", "visit", *options, cwd=tmp_path)
+    hint = "gslts extend MAP visit --poses estimate finds poses by the images"
+    if posed:
+        assert done.returncode == 0, done.stderr
+        assert f"5 frames have no pose and extend no map; {hint}\n" in done.stderr
+    else:
+        assert done.returncode == 1
+        why = "its frames have no poses, which --extend needs"
+        assert done.stderr == f"gslts: visit: {why}; {hint}\n"

@@ -174,6 +174,53 @@ def test_duplicates_are_those_of_all_pairs() -> None:
     assert_same(remove_duplicates(landmarks), landmarks.select(np.array(kept)))
 
 
+def landmarks_seen(times: int) -> Landmarks:
+    """Return 60 landmarks, each seen from so many keyframes; some have few duplicates."""
+    rng = np.random.default_rng(1)
+    positions = np.tile(rng.uniform(0, 1, (60, 3)), (times, 1)) + rng.normal(
+        0, 0.15 * SAME_LANDMARK_M, (60 * times, 3)
+    )
+    bits = np.tile(rng.integers(0, 2, (60, 256)), (times, 1))
+    bits ^= rng.random(bits.shape) < 0.04
+    return Landmarks(
+        positions.astype(np.float32),
+        np.packbits(bits.astype(np.uint8), axis=1),
+        np.repeat(np.arange(times, dtype=np.int32), 60),
+        np.tile(np.eye(4), (times, 1, 1)),
+        np.arange(60 * times, dtype=np.uint64),
+    )
+
+
+def test_the_search_for_duplicates_is_not_quadratic(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, pairs = np.bitwise_count, 0
+
+    def counted(words: np.ndarray) -> np.ndarray:
+        nonlocal pairs
+        pairs += len(words)
+        return count(words)
+
+    monkeypatch.setattr(np, "bitwise_count", counted)
+    costs = []
+    for times in (60, 120, 240):
+        pairs = 0
+        assert 60 <= remove_duplicates(landmarks_seen(times)).size < 0.2 * 60 * times
+        costs.append(pairs)
+    assert costs[1] < 3 * costs[0]
+    assert costs[2] < 3 * costs[1]
+
+
+def test_first_duplicates_are_kept_of_many_landmarks() -> None:
+    landmarks = landmarks_seen(40)
+    bits = np.unpackbits(landmarks.descriptors, axis=1)
+    kept: list[int] = []
+    for k in range(landmarks.size):
+        apart_m = np.linalg.norm(landmarks.positions[kept] - landmarks.positions[k], axis=1)
+        near = np.array(kept, np.intp)[apart_m < SAME_LANDMARK_M]
+        if not ((bits[near] != bits[k]).sum(axis=1) < SAME_LANDMARK_BITS).any():
+            kept.append(k)
+    assert_same(remove_duplicates(landmarks), landmarks.select(np.array(kept)))
+
+
 def test_selected_landmarks_keep_their_keyframes() -> None:
     rows = np.arange(found().size)[::-7]
     some = found().select(rows)

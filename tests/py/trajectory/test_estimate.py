@@ -1,5 +1,6 @@
 """Estimation of the poses of a recording from its images."""
 
+import weakref
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -7,7 +8,10 @@ import numpy as np
 import pytest
 import turn
 
-from gslts.core.camera import Camera, at_pose
+import gslts.trajectory.completion
+import gslts.trajectory.odometry
+from gslts._core import reloc
+from gslts.core.camera import Camera, at_pose, camera_from_fov
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance, product, relative, rotation
 from gslts.datasets import Dataset
@@ -15,6 +19,7 @@ from gslts.datasets.poses import inverse
 from gslts.trajectory.completion import place_rest
 from gslts.trajectory.estimate import estimate_poses
 from gslts.trajectory.features import FrameFeatures
+from gslts.trajectory.odometry import KeyframeOdometry
 from gslts.trajectory.pose_graph import Edge, optimize_poses
 from gslts.trajectory.registration import Motion
 
@@ -113,6 +118,36 @@ def test_world_has_z_up_and_begins_at_the_first_camera(recording):
     assert np.arccos(up[2]) < np.deg2rad(0.3)
 
 
+def test_few_indices_are_kept(recording, monkeypatch):
+    """An index takes more memory than the rest of a keyframe."""
+    make, built, most = reloc.LandmarkIndex, [], 0
+
+    def counted(*arguments: np.ndarray) -> reloc.LandmarkIndex:
+        nonlocal most
+        index = make(*arguments)
+        built.append(weakref.ref(index))
+        most = max(most, sum(known() is not None for known in built))
+        return index
+
+    monkeypatch.setattr(reloc, "LandmarkIndex", counted)
+    found = estimate_poses(recording, threads=1)
+    assert found.keyframes > 12
+    assert most <= 4
+    assert len(built) < 2.5 * found.keyframes
+
+
+@pytest.mark.parametrize(("width", "height", "points"), [(640, 480, 19200), (1920, 1080, 32400)])
+def test_clouds_of_large_images_are_bounded(width, height, points):
+    shape = (height, width)
+    frame = RgbdFrame(
+        np.zeros((*shape, 3), np.uint8),
+        np.full(shape, 2, np.float32),
+        camera_from_fov(width, height, 1.2),
+    )
+    features = FrameFeatures.of(frame)
+    assert len(features.cloud) == features.seen_m.size == points
+
+
 def test_given_poses_are_not_used(recording):
     moved = at_poses(recording, poses_of(recording)[::-1])
     found, again = (estimate_poses(dataset).dataset for dataset in (recording, moved))
@@ -161,6 +196,53 @@ def test_given_poses_serve_where_images_tell_nothing(recording):
     assert [reason.split(":")[0] for reason in without.unplaced] == ["010", "011", "012", "013"]
 
 
+def moved(x_m: float) -> np.ndarray:
+    motion = np.eye(4)
+    motion[0, 3] = x_m
+    return motion
+
+
+def odometry_of(recording: Dataset, given: np.ndarray) -> KeyframeOdometry:
+    """Return the odometry of two keyframes at given poses [2,4,4]."""
+    odometry = KeyframeOdometry()
+    for frame, pose in zip(recording.frames[:3:2], given, strict=True):
+        odometry.add(frame.name, FrameFeatures.of(frame.read()), pose)
+    assert len(odometry.keyframes) == 2
+    return odometry
+
+
+def test_given_poses_choose_between_motions_that_images_allow(recording, monkeypatch):
+    """Keypoints of a repeated pattern match 0.4 m beside the true position."""
+    first, second = poses_of(recording)[:3:2]
+    true = relative(first, second)
+    wrong = Motion(product(moved(0.4), true), 1000 * np.eye(6), 0.9)
+    monkeypatch.setattr(gslts.trajectory.odometry, "register_frames", lambda *_: wrong)
+    (edge,) = odometry_of(recording, np.array([first, second])).edges
+    metres, turn_rad = pose_distance(edge.motion.target_from_source, true)
+    assert metres < 0.02
+    assert turn_rad < np.deg2rad(0.5)
+    assert edge.is_certain
+
+
+def test_a_motion_that_contradicts_the_given_poses_is_doubted(recording):
+    first, second = poses_of(recording)[:3:2]
+    for jump_m, is_certain in ((0.0, True), (0.5, False)):
+        given = np.array([first, product(moved(jump_m), second)])
+        (edge,) = odometry_of(recording, given).edges
+        assert edge.is_certain == is_certain
+        metres, _ = pose_distance(edge.motion.target_from_source, relative(first, second))
+        assert metres < 0.02
+
+
+def test_a_jump_of_the_given_poses_is_corrected(recording):
+    given = poses_of(recording)
+    given[10:] = moved(0.5) @ given[10:]
+    found = estimate_poses(at_poses(recording, given), correct=True)
+    assert found.unplaced == ()
+    metres, _ = errors_of(found.dataset, recording)
+    assert metres.max() < 0.02
+
+
 def test_frames_of_another_place_are_named(recording):
     turned = [frame.read() for frame in recording.frames]
     found = estimate_poses(dataset_of([*turned, turn.frame_elsewhere()]))
@@ -178,14 +260,6 @@ def test_without_depth_no_pose_is_estimated(recording):
     dark = [replace(frame, depth=np.zeros_like(frame.depth)) for frame in frames]
     with pytest.raises(ValueError, match=r"turn: no two frames show the same place.*record depth"):
         estimate_poses(dataset_of(dark))
-
-
-def test_frames_with_and_without_poses_are_ordered_by_name(recording):
-    named = [replace(frame, name=f"turn {k}") for k, frame in enumerate(recording.frames)]
-    first, *others = named
-    mixed = replace(recording, frames=(*others, first), unposed=(first,))
-    found = estimate_poses(mixed, correct=True)
-    assert [frame.name for frame in found.dataset.frames] == [frame.name for frame in named]
 
 
 def test_loop_closures_that_contradict_are_pruned():
@@ -234,3 +308,28 @@ def test_a_keyframe_that_one_motion_connects_is_placed_where_it_fits(recording):
     assert 4 not in place_rest({3: true[3]}, [right], keyframes), "one frame is no witness"
     back = Edge(3, 4, Motion(relative(true[4], true[3]), 1000 * np.eye(6), 0.8))
     np.testing.assert_allclose(place_rest(placed, [back], keyframes)[4], true[4], atol=1e-9)
+
+
+def edges_of_chains(count: int) -> list[Edge]:
+    """Return motions of two chains of N frames, false ones, and last a motion that joins both."""
+    motion = Motion(np.eye(4), np.eye(6), 0.5)
+    away = np.eye(4)
+    away[2, 3] = -1
+    edges = [Edge(k, k - 1, motion, True) for k in (*range(1, count), *range(count + 1, 2 * count))]
+    edges += [Edge(2 * count + k, 0, Motion(away, np.eye(6), 0.5)) for k in range(count // 4)]
+    return [*edges, Edge(2 * count - 1, 0, motion)]
+
+
+def test_each_doubtful_pose_is_compared_with_each_frame_once(monkeypatch):
+    compared: list[tuple[int, int]] = []
+
+    def count_seen(source, target, motion):
+        compared.append((source, target))
+        return (0, 1000) if abs(motion[2, 3]) < 0.5 else (500, 1000)
+
+    monkeypatch.setattr(gslts.trajectory.completion, "count_seen", count_seen)
+    for count in (8, 16):
+        compared.clear()
+        placed = place_rest({k: np.eye(4) for k in range(count)}, edges_of_chains(count), range(99))
+        assert sorted(placed) == list(range(2 * count))
+        assert len(compared) == len(set(compared))

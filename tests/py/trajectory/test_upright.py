@@ -7,11 +7,11 @@ import pytest
 import turn
 from scipy.spatial.transform import Rotation
 
-from gslts.core.camera import at_pose
+from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import product, relative, transform
 from gslts.datasets.dataset import Dataset, PointCloud
-from gslts.trajectory.upright import describe_tilt, turn_upright
+from gslts.trajectory.upright import describe_tilt, turn_upright, up_of
 
 TILT = np.eye(4)
 TILT[:3, :3] = Rotation.from_euler("xyz", (-82, 13, 40), degrees=True).as_matrix()
@@ -39,6 +39,34 @@ def tilted(frames: list[RgbdFrame]) -> Dataset:
     return Dataset("tilted", taken, points=points)
 
 
+HOLDS = {"landscape": (0, 0), "left": (1, 1), "right": (3, 3), "mixed": (0, 1), "all": (0, 1, 3)}
+"""Quarter turns of the camera about its axis, of successive frames."""
+
+
+def turned_camera(frame: RgbdFrame, quarters: int) -> RgbdFrame:
+    """Return the same view by a camera that is turned about its axis, clockwise as it sees."""
+    for _ in range(quarters):
+        c, turn_back = frame.camera, np.eye(4)
+        turn_back[:2, :2] = [[0, -1], [1, 0]]
+        rgb, depth = (np.ascontiguousarray(np.rot90(image)) for image in (frame.rgb, frame.depth))
+        camera = Camera(
+            fx=c.fy,
+            fy=c.fx,
+            cx=c.cy,
+            cy=c.width - c.cx,
+            width=c.height,
+            height=c.width,
+            world_from_camera=product(c.world_from_camera, turn_back),
+        )
+        frame = RgbdFrame(rgb, depth, camera)
+    return frame
+
+
+def held(frames: list[RgbdFrame], hold: str) -> list[RgbdFrame]:
+    turns = HOLDS[hold]
+    return [turned_camera(frame, turns[k % len(turns)]) for k, frame in enumerate(frames)]
+
+
 @pytest.fixture(scope="module")
 def frames() -> list[RgbdFrame]:
     return turn.frames()[::3]
@@ -54,8 +82,40 @@ def test_a_tilt_is_described(frames: list[RgbdFrame]) -> None:
     assert found == f"z is not up here: up is ({up})"
 
 
-def test_a_recording_is_turned_upright(frames: list[RgbdFrame]) -> None:
+@pytest.mark.parametrize("hold", HOLDS)
+def test_cameras_may_be_held_in_portrait(frames: list[RgbdFrame], hold: str) -> None:
+    level = held(frames, hold)
+    poses = np.array([frame.camera.world_from_camera for frame in level])
+    assert describe_tilt([frame.camera for frame in level]) == ""
+    assert up_of(poses)[2] > np.cos(np.deg2rad(1))
+    assert up_of(TILT @ poses) @ TILT[:3, 2] > np.cos(np.deg2rad(1))
+    assert "z is not up here" in describe_tilt([f.camera for f in tilted(level).frames])
+
+
+@pytest.mark.parametrize("quarters", [1, 3])
+def test_level_cameras_in_portrait_are_held_as_phones(quarters: int) -> None:
+    """Otherwise the left side of their images is up; a world with z up passes."""
+    camera = camera_from_fov(64, 48, 1.2)
+    angles = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    ahead = np.stack([np.cos(angles), np.sin(angles), np.zeros(20)], axis=1)
+    turn_back = np.eye(4)
+    turn_back[:3, :3] = Rotation.from_euler("z", 90 * quarters, degrees=True).as_matrix()
+    poses = np.array([look_at(np.zeros(3), to, np.eye(3)[2]) @ turn_back for to in ahead])
+    assert describe_tilt([at_pose(camera, pose) for pose in poses]) == ""
+    up = up_of(poses)
+    assert abs(up[2]) > np.cos(np.deg2rad(1))
+    assert (poses[:, :3, 0] @ up < 0).all()
+
+
+def test_views_in_a_single_direction_are_taken_for_landscape(frames: list[RgbdFrame]) -> None:
+    pose = turned_camera(frames[0], 1).camera.world_from_camera
+    np.testing.assert_allclose(up_of(np.array([pose, pose])), -pose[:3, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_a_recording_is_turned_upright(frames: list[RgbdFrame], hold: str) -> None:
     pytest.importorskip("open3d")
+    frames = held(frames, hold)
     dataset = tilted(frames)
     turned = turn_upright(dataset)
     assert describe_tilt([frame.camera for frame in turned.frames]) == ""
