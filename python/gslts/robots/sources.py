@@ -42,7 +42,7 @@ def open_robot(name: str) -> RobotSource:
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: No installed package knows the name.
+        ValueError: No installed package knows the name, or its opener returns no `RobotSource`.
     """
     openers = list(entry_points(group=GROUP))
     if not openers:
@@ -54,5 +54,10 @@ def open_robot(name: str) -> RobotSource:
         except ValueError as error:
             reasons.append(str(error))
         else:
+            missing = {"digest", "rounds", "robot"} - set(dir(source))
+            if missing:
+                raise ValueError(
+                    f"{name}: {opener.value} returns no RobotSource: no {min(missing)}"
+                )
             return source
     raise ValueError("; ".join(reasons))
