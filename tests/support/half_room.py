@@ -21,15 +21,10 @@ from gslts_sim.robot_body import Viewpoint
 MIDDLE_M, OVERLAP_M = 1.9, 0.8
 """The map is of frames that look at smaller x, the recording of those that look farther, m."""
 CONFIG = MappingConfig(
-    iterations=800,
-    patience=1.0,
-    rough_epochs=0,
-    pose_std_m=0.001,  # Given poses are exact.
-    pose_std_rad=0.0005,
-    coarse_share=0.3,
-    variant_steps=0,
-    threads=1,
+    iterations=800, patience=1.0, rough_epochs=0, coarse_share=0.3, variant_steps=0, threads=1
 )
+EXACT = CONFIG.model_copy(update={"pose_std_m": 0.001, "pose_std_rad": 0.0005})
+"""Of the map itself, whose given poses are exact."""
 
 
 def viewpoints() -> list[Viewpoint]:
@@ -50,7 +45,7 @@ def map_of_half(folder: Path, middle_m: float = MIDDLE_M) -> Path:
         near = [viewpoint for viewpoint in viewpoints() if x_ahead(viewpoint) < middle_m]
         capture(Controller(change_room.home(), **change_room.SIZE), near, made / "visit")
         dataset = open_dataset(made / "visit")
-        write_result(made / "map", make_map(dataset, CONFIG), dataset.name)
+        write_result(made / "map", make_map(dataset, EXACT), dataset.name)
 
     shutil.copytree(made_once(f"half_room_{middle_m}", make) / "map", folder)
     return folder

@@ -15,7 +15,6 @@ from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import align
 from gslts.mapping.seeding.depth_seeds import MIN_HITS, flat_gaussians, seed_from_depth
 from gslts.mapping.seeding.hole_seeds import fill_zeros, seed_holes
-from gslts.rendering.rasterizer import Images
 from gslts_bench.synthetic_rooms import make_room
 from gslts_sim.controller import Controller
 
@@ -230,26 +229,6 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     whole = gslts.render(seeds, frame.camera)
     closed = replace(whole, alpha=np.maximum(whole.alpha, 0.4))
     assert seed_holes(frame.camera, closed, frame.rgb / 255, frame.depth, None, 0) is None
-
-
-@pytest.mark.parametrize("edge", [28, 30, 31, 34])
-def test_pixels_without_depth_do_not_count_around_holes(edge: int) -> None:
-    """A wall at 2 m, rendered up to column 28 and measured up to some column."""
-    camera = gslts.camera_from_fov(64, 48, 1.2, np.eye(4))
-    depth = np.zeros((48, 64), np.float32)
-    depth[:, :28] = 2
-    measured = np.zeros_like(depth)
-    measured[:, :edge] = 2
-    measured[::2] = 0
-    images = Images(
-        rgb=np.zeros((48, 64, 3), np.float32),
-        depth=depth * (np.arange(48) % 4 > 0)[:, None].astype(np.float32),
-        alpha=(depth > 0).astype(np.float32),
-        features=np.zeros((48, 64, 0), np.float32),
-    )
-    new = seed_holes(camera, images, np.full((48, 64, 3), 0.5), measured, None, 0)
-    assert new is not None
-    np.testing.assert_allclose(new.means[:, 2], 2, rtol=1e-6)
 
 
 def test_zeros_are_filled_from_all_sides() -> None:

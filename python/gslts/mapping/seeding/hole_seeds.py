@@ -43,9 +43,9 @@ def seed_holes(
         Flat Gaussians that face the camera; None if the rendering has no holes.
     """
     covered = images.alpha if mask is None else np.where(mask, images.alpha, 1)
-    alpha, rendered = _bin_means(covered), _bin_depths(images.depth)
+    alpha, rendered = _bin_means(covered), _bin_means(images.depth)
     known = np.where((alpha >= HOLE_ALPHA) & (rendered > 0), rendered, 0)
-    nearest = _bin_depths(measured)
+    nearest = _bin_means(measured)
     known = np.where((known == 0) & (nearest > 0), nearest, known)
     holes = alpha < HOLE_ALPHA
     if not holes.any() or not known.any():
@@ -84,12 +84,6 @@ def fill_zeros(known: Floats) -> Floats:
         around = np.pad(np.where(known > 0, known, filled), 1, mode="edge")
         filled = (around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]) / 4
     return np.where(known > 0, known, filled)
-
-
-def _bin_depths(depth: FloatArray) -> Floats:
-    """Return means as `_bin_means` over the pixels with depth; 0 where there are none."""
-    shares = _bin_means(np.asarray(depth > 0, np.float32))
-    return _bin_means(depth) / np.where(shares > 0, shares, 1)
 
 
 def _bin_means(image: FloatArray) -> Floats:
