@@ -53,7 +53,7 @@ class Navigator:
         self.queries = SemanticQueries(gaussian_map, codec, source)
         self.source = self.queries.source
         self.semantic_map: SemanticMap = make_semantic_map(
-            gaussian_map, self.body, Categories(tuple(categories), codec, source)
+            gaussian_map, self.body, Categories(tuple(categories), codec, self.source)
         )
 
     @classmethod
